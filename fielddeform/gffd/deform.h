@@ -1,0 +1,28 @@
+#pragma once
+
+#include <fielddeform/core/progress.h>
+#include <fielddeform/gffd/gffd_map.h>
+#include <fielddeform/gffd/guard.h>
+
+#include <vector>
+
+namespace fielddeform::gffd {
+
+/// A mesh's vertices after predict, correct and guard.
+struct Deformed {
+  std::vector<Vec3> position;      ///< #V by 3, world
+  std::vector<Status> status;      ///< #V; counts add up to #V
+  std::vector<float> residual;     ///< #V, world units
+  GuardReport guard;
+  std::size_t folds = 0;           ///< folded edges (mesh/quality.h) against the rest mesh
+  GffdMap map;                     ///< the map that made it: with another substep count or predictor after a retry
+  std::string retry;               ///< one sentence on what the retry did, empty if there was none
+};
+
+/// Tracks the vertices of a mesh: applies the map, guards the surface, and where it folded tries more substeps
+/// (and MLS, if the predictor had been chosen automatically), keeping the attempt with the fewest folds.
+/// @param binding  of the mesh's positions, by `map` or a re-pose of it
+/// @throw Cancelled
+Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress);
+
+}  // namespace fielddeform::gffd

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <fielddeform/gffd/options.h>
+#include <fielddeform/map/space_map.h>
+
+#include <memory>
+
+namespace fielddeform::gffd {
+
+/// GFFD as a map of space: points keep their value in the field while the skeleton goes from rest to posed.
+/// Embedding (bind) depends on the rest skeleton only, so one binding serves every pose. [Qin et al. 2003]
+///
+/// Statuses: Fixed (outside every influence at rest, or nothing was edited), Converged, Stalled, Invalid. Limited comes
+/// from the guard, which looks at a mesh (guard.h). Residuals are |D - D*| in world units.
+class GffdMap final : public map::SpaceMap {
+ public:
+  /// @throw std::invalid_argument if the options still hold an Auto
+  explicit GffdMap(ResolvedOptions resolved);
+  ~GffdMap() override;
+
+  std::shared_ptr<const map::Binding> bind(Points rest) const override;
+  std::shared_ptr<const map::Binding> bindMidpoints(const map::Binding& binding, Points rest,
+                                                    std::span<const std::array<Index, 2>> ends) const override;
+  void apply(const map::Binding& binding, map::MapOutput out, Progress& progress) const override;
+  /// By central differences of the whole map, step 1e-5 R.
+  void jacobians(const map::Binding& binding, std::span<Mat3> out) const override;
+
+  /// |D(position) - D*| of some bound points at other positions, e.g. after the guard. World units.
+  /// @param points  #N indices into the binding; position and out have #N elements
+  void residuals(const map::Binding& binding, std::span<const Index> points, Points position,
+                 std::span<float> out) const;
+
+  /// The same rest skeleton, another pose. Bindings of this map stay valid for the new one.
+  /// @throw std::invalid_argument if the pose does not fit the rest skeleton
+  GffdMap withPose(skeleton::Skeleton posed) const;
+  /// The same edit tracked in n substeps; bindings stay valid.
+  GffdMap withSubsteps(int substeps) const;
+
+  const ResolvedOptions& resolved() const noexcept;
+  /// True if every bound point comes back as it went in (nothing was edited).
+  bool isIdentity() const noexcept;
+  /// Bound points outside the rest field that lie inside the posed one: the skeleton was moved into them.
+  std::size_t countPierced(const map::Binding& binding) const;
+  /// Points in the rest field's influence region.
+  std::size_t countMovable(const map::Binding& binding) const;
+
+ private:
+  struct Impl;
+  explicit GffdMap(std::shared_ptr<const Impl> impl);
+  std::shared_ptr<const Impl> impl_;
+};
+
+}  // namespace fielddeform::gffd
