@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 
 namespace fielddeform {
 namespace {
@@ -73,6 +74,19 @@ void writeTextFile(const std::filesystem::path& path, std::string_view text) {
   AtomicFile file(path);
   file.write(text);
   file.commit();
+}
+
+std::string readTextFile(const std::filesystem::path& path) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) throw IoError(path, "is a folder, expected a file");
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) throw IoError(path, std::filesystem::exists(path, error) ? "cannot be read" : "does not exist");
+  std::string text;
+  char block[1 << 16];
+  while (stream.read(block, sizeof block) || stream.gcount() > 0)
+    text.append(block, static_cast<std::size_t>(stream.gcount()));
+  if (stream.bad()) throw IoError(path, "cannot be read");
+  return text;
 }
 
 }  // namespace fielddeform

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <string>
 #include <string_view>
 
 namespace fielddeform {
@@ -34,5 +35,9 @@ class AtomicFile {
 
 /// Writes a whole text file atomically.
 void writeTextFile(const std::filesystem::path& path, std::string_view text);
+
+/// All bytes of a file (or of a pipe, to its end).
+/// @throw IoError if it is missing, a folder, or unreadable
+std::string readTextFile(const std::filesystem::path& path);
 
 }  // namespace fielddeform
