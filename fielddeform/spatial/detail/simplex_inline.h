@@ -1,0 +1,95 @@
+#pragma once
+
+#include <fielddeform/numeric/elementary.h>
+#include <fielddeform/spatial/simplex.h>
+
+/// The bodies of simplex.h, inline for the trees.
+namespace fielddeform::spatial::detail {
+
+// Below this sine squared at corner a the projection on the plane gets the careful treatment, below the second one
+// (rounding of the cross product) there is no plane.
+inline constexpr double kThin = 1e-6, kFlat = 1e-28;
+// Weights below this may be rounding: the edge decides, so that neighbours agree about their common edges and corners.
+inline constexpr double kOnEdge = 1e-13;
+
+inline SimplexHit onPoint(const Vec3& p, const Vec3& a) noexcept {
+  const Vec3 d = p - a;
+  return {d.squaredNorm(), d, Vec3(1, 0, 0)};
+}
+
+// Closest point on a segment: the fraction t and the offset query - point. Ends are met exactly, so that neighbours
+// sharing an end agree to the last bit.
+struct EdgeHit {
+  double squaredDistance, t;
+  Vec3 offset;
+};
+
+inline EdgeHit onEdge(const Vec3& pa, const Vec3& pb, const Vec3& ab) noexcept {
+  const double along = pa.dot(ab), length2 = ab.squaredNorm();
+  if (!(along > 0)) return {pa.squaredNorm(), 0, pa};
+  if (!(along < length2)) return {pb.squaredNorm(), 1, pb};
+  const double t = along / length2;
+  // From the nearer end: the rounding of t counts less.
+  const Vec3 offset = t < 0.5 ? Vec3(pa - t * ab) : Vec3(pb + (1 - t) * ab);
+  return {offset.squaredNorm(), t, offset};
+}
+
+inline SimplexHit onSegment(const Vec3& p, const Vec3& a, const Vec3& b) noexcept {
+  const EdgeHit e = onEdge(p - a, p - b, b - a);
+  return {e.squaredDistance, e.offset, Vec3(1 - e.t, e.t, 0)};
+}
+
+inline SimplexHit onTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
+  const Vec3 pa = p - a, ab = b - a, ac = c - a;
+  const Vec3 n = ab.cross(ac);
+  const double n2 = n.squaredNorm(), ab2 = ab.squaredNorm(), ac2 = ac.squaredNorm();
+  const bool thin = !(n2 > kThin * ab2 * ac2);
+  bool acrossA = true, acrossB = true, acrossC = true;  // beyond the edge opposite to the corner
+  SimplexHit best{std::numeric_limits<double>::infinity(), pa, Vec3(1, 0, 0)};
+  if (n2 > kFlat * ab2 * ac2 && n2 > 0) {
+    const double inverse = 1 / n2;
+    double v = n.dot(pa.cross(ac)) * inverse, w = n.dot(ab.cross(pa)) * inverse;
+    Vec3 offset = pa - v * ab - w * ac;
+    if (thin) {
+      // One refinement: the offset must be perpendicular to both edges.
+      const double r1 = ab.dot(offset), r2 = ac.dot(offset), g = ab.dot(ac);
+      const double dv = (ac2 * r1 - g * r2) * inverse, dw = (ab2 * r2 - g * r1) * inverse;
+      v += dv;
+      w += dw;
+      offset -= dv * ab + dw * ac;
+    }
+    const double u = 1 - v - w;
+    if (u >= 0 && v >= 0 && w >= 0) best = {offset.squaredNorm(), offset, Vec3(u, v, w)};
+    if (!thin) {
+      acrossA = u < kOnEdge;
+      acrossB = v < kOnEdge;
+      acrossC = w < kOnEdge;
+    }
+  }
+  // A convex polygon's closest point lies on an edge that the query is beyond.
+  const Vec3 pb = p - b, pc = p - c;
+  if (acrossC) {
+    const EdgeHit e = onEdge(pa, pb, ab);
+    if (e.squaredDistance < best.squaredDistance) best = {e.squaredDistance, e.offset, Vec3(1 - e.t, e.t, 0)};
+  }
+  if (acrossB) {
+    const EdgeHit e = onEdge(pa, pc, ac);
+    if (e.squaredDistance < best.squaredDistance) best = {e.squaredDistance, e.offset, Vec3(1 - e.t, 0, e.t)};
+  }
+  if (acrossA) {
+    const EdgeHit e = onEdge(pb, pc, c - b);
+    if (e.squaredDistance < best.squaredDistance) best = {e.squaredDistance, e.offset, Vec3(0, 1 - e.t, e.t)};
+  }
+  return best;
+}
+
+inline double solidAngle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
+  const Vec3 u = a - p, v = b - p, w = c - p;
+  const double lu = u.norm(), lv = v.norm(), lw = w.norm();
+  // From edges: the triple product of nearby corners seen from afar would cancel.
+  const double numerator = u.dot((b - a).cross(c - a));
+  const double denominator = lu * lv * lw + u.dot(v) * lw + v.dot(w) * lu + w.dot(u) * lv;
+  return numerator == 0 ? 0 : 2 * numeric::atan2(numerator, denominator);
+}
+
+}  // namespace fielddeform::spatial::detail
