@@ -20,9 +20,10 @@ constexpr std::array<std::string_view, 4> kPairNames = {"matched", "replaced", "
 }
 
 void checkPoints(const Primitive& p) {
-  const std::size_t least = p.type == PrimitiveType::Points ? 1 : p.type == PrimitiveType::Polyline ? 2 : 3;
+  const std::size_t least = leastPoints(p.type, p.closed);
   if (p.points.size() < least)
-    refuse(p, fmt::format("{} points, a {} needs at least {}", p.points.size(), toString(p.type), least));
+    refuse(p, fmt::format("{} points, a {}{} needs at least {}", p.points.size(), p.closed ? "closed " : "",
+                          toString(p.type), least));
   if (p.points.size() >= kNoIndex) refuse(p, fmt::format("{} points are too many", p.points.size()));
   for (std::size_t i = 0; i < p.points.size(); ++i)
     if (!p.points[i].allFinite())
@@ -94,6 +95,11 @@ const Primitive* Skeleton::find(std::string_view name) const noexcept {
   for (const Primitive& p : primitives)
     if (p.name == name) return &p;
   return nullptr;
+}
+
+std::size_t leastPoints(PrimitiveType type, bool closed) noexcept {
+  if (type == PrimitiveType::Points) return 1;
+  return type == PrimitiveType::Polyline && !closed ? 2 : 3;
 }
 
 SkeletonPair pairSkeletons(Skeleton rest, Skeleton posed, std::span<const NamedPair> explicitPairs) {

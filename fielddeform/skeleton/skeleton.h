@@ -66,9 +66,12 @@ struct NamedPair {
 SkeletonPair pairSkeletons(Skeleton rest, Skeleton posed, std::span<const NamedPair> explicitPairs = {});
 
 /// Checks ranges: unique non-empty names, finite points, positive radii, sizes of per-point arrays, face indices, at
-/// least one point a primitive (two a polyline, one face a mesh).
+/// least one point a primitive (two a polyline, three a closed one or a mesh, one face a mesh).
 /// @throw std::invalid_argument naming the primitive, the element, the value and the bound
 void validate(const Skeleton& skeleton);
+
+/// The number of points that a primitive of this type needs: 1, 2, or 3.
+std::size_t leastPoints(PrimitiveType type, bool closed) noexcept;
 
 std::string_view toString(PrimitiveType type) noexcept;  ///< "points", "polyline", "mesh"
 std::string_view toString(Potential potential) noexcept; ///< "exponential", "gaussian", "metaball", "soft-object"
