@@ -1,0 +1,214 @@
+#include <fielddeform/core/parallel.h>
+#include <fielddeform/mesh/detail/triangle.h>
+#include <fielddeform/mesh/quality.h>
+#include <fmt/format.h>
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+
+namespace fielddeform::mesh {
+namespace {
+
+constexpr std::size_t kGrain = 4096;
+
+void checkCount(const Mesh& mesh, std::size_t count, const char* what) {
+  if (count != mesh.vertexCount())
+    throw std::invalid_argument(fmt::format("{} {}, expected {}", count, what, mesh.vertexCount()));
+}
+
+/// The triangles of a mesh, without a copy if it has no other faces.
+class Triangles {
+ public:
+  explicit Triangles(const Mesh& mesh)
+      : own_(mesh.allTriangles() ? std::vector<Index>{} : mesh.triangles()),
+        corners_(mesh.allTriangles() ? std::span<const Index>(mesh.corners()) : std::span<const Index>(own_)) {}
+  std::size_t size() const { return corners_.size() / 3; }
+  const Index* operator[](std::size_t t) const { return corners_.data() + 3 * t; }
+  std::span<const Index> corners() const { return corners_; }
+
+ private:
+  std::vector<Index> own_;
+  std::span<const Index> corners_;
+};
+
+/// Normal (of no particular length) of a triangle with area.
+std::optional<Vec3> normal(const Index* t, Points x) {
+  const Vec3 n = detail::areaVector(x[t[0]], x[t[1]], x[t[2]]);
+  if (!detail::hasArea(x[t[0]], x[t[1]], x[t[2]], n)) return std::nullopt;
+  return n;
+}
+
+/// Cosine between the normals at an edge of exactly two triangles, both with area.
+std::optional<double> edgeCosine(const EdgeTable& table, const Triangles& triangles, std::size_t e, Points x) {
+  const auto uses = table.uses(e);
+  if (uses.size() != 2) return std::nullopt;
+  const auto a = normal(triangles[uses[0] / 3], x), b = normal(triangles[uses[1] / 3], x);
+  if (!a || !b) return std::nullopt;
+  const double cosine = a->dot(*b) / std::sqrt(a->squaredNorm() * b->squaredNorm());
+  return table.isForward(uses[0]) == table.isForward(uses[1]) ? -cosine : cosine;
+}
+
+struct SharpCounts {
+  std::size_t folds = 0, rest = 0, posed = 0;
+  SharpCounts operator+(const SharpCounts& b) const { return {folds + b.folds, rest + b.rest, posed + b.posed}; }
+};
+
+SharpCounts countSharp(const Mesh& mesh, Points rest, Points posed) {
+  const Triangles triangles(mesh);
+  const EdgeTable table(mesh.vertexCount(), triangles.corners());
+  return deterministicReduce(
+      table.size(), kGrain, SharpCounts{},
+      [&](std::size_t begin, std::size_t end) {
+        SharpCounts n;
+        for (std::size_t e = begin; e < end; ++e) {
+          const auto before = edgeCosine(table, triangles, e, rest), after = edgeCosine(table, triangles, e, posed);
+          n.folds += before && after && *before > kFoldFrom && *after < kFoldTo;
+          n.rest += before && *before < kFoldTo;
+          n.posed += after && *after < kFoldTo;
+        }
+        return n;
+      },
+      std::plus<>());
+}
+
+/// Largest cosine of the triangle's angles.
+double largestCosine(const Vec3& a, const Vec3& b, const Vec3& c) {
+  const auto cosine = [](const Vec3& u, const Vec3& v) { return u.dot(v) / std::sqrt(u.squaredNorm() * v.squaredNorm()); };
+  return std::max({cosine(b - a, c - a), cosine(a - b, c - b), cosine(a - c, b - c)});
+}
+
+std::size_t flippedWith(const Mesh& mesh, Points rest, Points posed, std::span<const Mat3> jacobians) {
+  const Triangles triangles(mesh);
+  return deterministicReduce(
+      triangles.size(), kGrain, std::size_t{0},
+      [&](std::size_t begin, std::size_t end) {
+        std::size_t count = 0;
+        for (std::size_t t = begin; t < end; ++t) {
+          const auto before = normal(triangles[t], rest), after = normal(triangles[t], posed);
+          if (!before || !after) continue;
+          Vec3 expected = Vec3::Zero();
+          int reversed = 0;
+          for (int k = 0; k < 3; ++k) {
+            const Mat3& j = jacobians[triangles[t][k]];
+            const Vec3 r0 = j.row(0), r1 = j.row(1), r2 = j.row(2);
+            expected += Vec3(r1.cross(r2).dot(*before), r2.cross(r0).dot(*before), r0.cross(r1).dot(*before));
+            reversed += r0.dot(r1.cross(r2)) < 0;
+          }
+          count += after->dot(expected) < 0 || reversed >= 2;
+        }
+        return count;
+      },
+      std::plus<>());
+}
+
+/// The rotation R maximising tr(R C), C the sum of rest * posed^T. [Kabsch 1976]
+Mat3 bestRotation(const Mat3& c) {
+  if (!c.allFinite()) return Mat3::Identity();
+  const Eigen::JacobiSVD<Mat3> svd(c, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Mat3 v = svd.matrixV();
+  if ((v * svd.matrixU().transpose()).determinant() < 0) v.col(2) = -v.col(2);
+  return v * svd.matrixU().transpose();
+}
+
+}  // namespace
+
+std::size_t countFolds(const Mesh& mesh, Points rest, Points posed) {
+  checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
+  return countSharp(mesh, rest, posed).folds;
+}
+
+std::size_t countSharpEdges(const Mesh& mesh, Points positions) {
+  checkCount(mesh, positions.size(), "positions");
+  return countSharp(mesh, positions, positions).rest;
+}
+
+StretchReport edgeStretch(const EdgeTable& edges, Points rest, Points posed) {
+  std::vector<double> ratio(edges.size());
+  parallelFor(edges.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t e = begin; e < end; ++e) {
+      const auto [a, b] = edges.vertices(e);
+      ratio[e] = (posed[a] - posed[b]).norm() / (rest[a] - rest[b]).norm();
+    }
+  });
+  std::erase_if(ratio, [](double r) { return !std::isfinite(r); });
+  StretchReport out;
+  out.edges = ratio.size();
+  out.unmeasured = edges.size() - ratio.size();
+  if (ratio.empty()) return out;
+  const std::size_t rank = (ratio.size() * 99 + 99) / 100 - 1;
+  std::nth_element(ratio.begin(), ratio.begin() + static_cast<std::ptrdiff_t>(rank), ratio.end());
+  out.p99 = ratio[rank];
+  out.max = *std::max_element(ratio.begin() + static_cast<std::ptrdiff_t>(rank), ratio.end());
+  out.min = *std::min_element(ratio.begin(), ratio.begin() + static_cast<std::ptrdiff_t>(rank) + 1);
+  return out;
+}
+
+double smallestAngle(const Mesh& mesh, Points positions) {
+  checkCount(mesh, positions.size(), "positions");
+  const double none = -2;
+  const double cosine = deterministicReduce(
+      mesh.faceCount(), kGrain, none,
+      [&](std::size_t begin, std::size_t end) {
+        double largest = none;
+        for (std::size_t f = begin; f < end; ++f)
+          mesh.forEachTriangle(f, [&](Index a, Index b, Index c) {
+            const Vec3 &p = positions[a], &q = positions[b], &r = positions[c];
+            if (detail::hasArea(p, q, r, detail::areaVector(p, q, r))) largest = std::max(largest, largestCosine(p, q, r));
+          });
+        return largest;
+      },
+      [](double a, double b) { return std::max(a, b); });
+  return cosine == none ? 0.0 : std::acos(std::clamp(cosine, -1.0, 1.0));
+}
+
+QualityReport compareQuality(const Mesh& mesh, Points rest, Points posed) {
+  checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
+  QualityReport out;
+  const SharpCounts sharp = countSharp(mesh, rest, posed);
+  out.folds = sharp.folds, out.sharpRest = sharp.rest, out.sharpPosed = sharp.posed;
+  for (std::size_t f = 0; f < mesh.faceCount(); ++f)
+    mesh.forEachTriangle(f, [&](Index a, Index b, Index c) {
+      const Index t[3] = {a, b, c};
+      const bool before = normal(t, rest).has_value();
+      out.degenerateRest += !before;
+      out.collapsed += before && !normal(t, posed);
+    });
+  out.minAngleRest = smallestAngle(mesh, rest);
+  out.minAnglePosed = smallestAngle(mesh, posed);
+  out.stretch = edgeStretch(EdgeTable(mesh), rest, posed);
+  return out;
+}
+
+std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed, std::span<const Mat3> jacobians) {
+  checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
+  checkCount(mesh, jacobians.size(), "jacobians");
+  return flippedWith(mesh, rest, posed, jacobians);
+}
+
+std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed) {
+  checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
+  const EdgeTable table(mesh);
+  std::vector<Mat3> ring(mesh.vertexCount(), Mat3::Zero()), fit = ring;
+  const auto spread = [&](std::vector<Mat3>& to, auto&& term) {
+    for (std::size_t e = 0; e < table.size(); ++e) {
+      const auto [a, b] = table.vertices(e);
+      to[a] += term(b, a), to[b] += term(a, b);
+    }
+  };
+  spread(ring, [&](Index a, Index b) {
+    const Mat3 c = (rest[a] - rest[b]) * (posed[a] - posed[b]).transpose();
+    return c.allFinite() ? c : Mat3(Mat3::Zero());
+  });
+  fit = ring;
+  spread(fit, [&](Index a, Index) -> const Mat3& { return ring[a]; });
+  parallelFor(fit.size(), 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) fit[v] = bestRotation(fit[v]);
+  });
+  return flippedWith(mesh, rest, posed, fit);
+}
+
+}  // namespace fielddeform::mesh
