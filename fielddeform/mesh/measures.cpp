@@ -1,4 +1,5 @@
 #include <fielddeform/core/parallel.h>
+#include <fielddeform/core/rounding.h>
 #include <fielddeform/mesh/detail/triangle.h>
 #include <fielddeform/mesh/measures.h>
 #include <fmt/format.h>
@@ -71,7 +72,7 @@ Value sumTriangles(const Mesh& mesh, Points positions, Value zero, Point&& point
 double triangleArea(const Vec3& a, const Vec3& b, const Vec3& c) { return 0.5 * detail::areaVector(a, b, c).norm(); }
 double sixthVolume(const Vec3& a, const Vec3& b, const Vec3& c) { return a.dot(b.cross(c)) / 6; }
 
-Vec3 toFloat(const Vec3& p) { return p.cast<float>().cast<double>(); }
+Vec3 toFloat(const Vec3& p) { return {roundToFloat(p.x()), roundToFloat(p.y()), roundToFloat(p.z())}; }
 
 /// Mean and covariance of the finite points, in the frame's units: what stands in for a surface without area.
 void pointMoments(Points positions, const UnitFrame& frame, Vec3& mean, Mat3& covariance) {

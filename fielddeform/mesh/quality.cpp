@@ -1,12 +1,12 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/mesh/detail/triangle.h>
 #include <fielddeform/mesh/quality.h>
+#include <fielddeform/numeric/rotation.h>
+#include <fielddeform/numeric/elementary.h>
 #include <fmt/format.h>
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <stdexcept>
 
@@ -75,10 +75,9 @@ SharpCounts countSharp(const Mesh& mesh, Points rest, Points posed) {
       std::plus<>());
 }
 
-/// Largest cosine of the triangle's angles.
-double largestCosine(const Vec3& a, const Vec3& b, const Vec3& c) {
-  const auto cosine = [](const Vec3& u, const Vec3& v) { return u.dot(v) / std::sqrt(u.squaredNorm() * v.squaredNorm()); };
-  return std::max({cosine(b - a, c - a), cosine(a - b, c - b), cosine(a - c, b - c)});
+/// Largest cotangent of the triangle's angles: that of the smallest angle.
+double largestCotangent(const Vec3& a, const Vec3& b, const Vec3& c, double twiceArea) {
+  return std::max({(b - a).dot(c - a), (a - b).dot(c - b), (a - c).dot(b - c)}) / twiceArea;
 }
 
 std::size_t flippedWith(const Mesh& mesh, Points rest, Points posed, std::span<const Mat3> jacobians) {
@@ -103,15 +102,6 @@ std::size_t flippedWith(const Mesh& mesh, Points rest, Points posed, std::span<c
         return count;
       },
       std::plus<>());
-}
-
-/// The rotation R maximising tr(R C), C the sum of rest * posed^T. [Kabsch 1976]
-Mat3 bestRotation(const Mat3& c) {
-  if (!c.allFinite()) return Mat3::Identity();
-  const Eigen::JacobiSVD<Mat3> svd(c, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Mat3 v = svd.matrixV();
-  if ((v * svd.matrixU().transpose()).determinant() < 0) v.col(2) = -v.col(2);
-  return v * svd.matrixU().transpose();
 }
 
 }  // namespace
@@ -149,20 +139,21 @@ StretchReport edgeStretch(const EdgeTable& edges, Points rest, Points posed) {
 
 double smallestAngle(const Mesh& mesh, Points positions) {
   checkCount(mesh, positions.size(), "positions");
-  const double none = -2;
-  const double cosine = deterministicReduce(
+  const double none = -1;  // the largest of a triangle's cotangents is positive
+  const double cotangent = deterministicReduce(
       mesh.faceCount(), kGrain, none,
       [&](std::size_t begin, std::size_t end) {
         double largest = none;
         for (std::size_t f = begin; f < end; ++f)
           mesh.forEachTriangle(f, [&](Index a, Index b, Index c) {
             const Vec3 &p = positions[a], &q = positions[b], &r = positions[c];
-            if (detail::hasArea(p, q, r, detail::areaVector(p, q, r))) largest = std::max(largest, largestCosine(p, q, r));
+            const Vec3 n = detail::areaVector(p, q, r);
+            if (detail::hasArea(p, q, r, n)) largest = std::max(largest, largestCotangent(p, q, r, n.norm()));
           });
         return largest;
       },
       [](double a, double b) { return std::max(a, b); });
-  return cosine == none ? 0.0 : std::acos(std::clamp(cosine, -1.0, 1.0));
+  return cotangent == none ? 0.0 : numeric::atan2(1.0, cotangent);
 }
 
 QualityReport compareQuality(const Mesh& mesh, Points rest, Points posed) {
@@ -206,7 +197,7 @@ std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed) {
   fit = ring;
   spread(fit, [&](Index a, Index) -> const Mat3& { return ring[a]; });
   parallelFor(fit.size(), 256, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v) fit[v] = bestRotation(fit[v]);
+    for (std::size_t v = begin; v < end; ++v) fit[v] = numeric::kabsch(fit[v]);
   });
   return flippedWith(mesh, rest, posed, fit);
 }
