@@ -1,0 +1,90 @@
+#include <fielddeform/core/json_writer.h>
+#include <fielddeform/core/version.h>
+#include <fielddeform/scene/report.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace fielddeform::scene {
+namespace {
+
+void writeNumber(JsonWriter& json, std::string_view key, const std::optional<double>& value) {
+  json.key(key);
+  if (value && std::isfinite(*value)) json.value(*value);
+  else json.null();
+}
+
+void writeMaxAndP99(JsonWriter& json, const MaxAndP99& value) {
+  writeNumber(json, "max", value.max);
+  writeNumber(json, "p99", value.p99);
+}
+
+void writeVolume(JsonWriter& json, const VolumeReport& volume) {
+  json.key("volume").beginObject();
+  writeNumber(json, "before", volume.before);
+  writeNumber(json, "after", volume.after);
+  writeNumber(json, "relative_change", volume.relativeChange());
+  writeNumber(json, "as_written", volume.asWritten);
+  if (!volume.reason.empty()) json.member("reason", volume.reason);
+  json.end();
+}
+
+void writeRun(JsonWriter& json, const RunFacts& run) {
+  json.key("run").beginObject();
+  json.key("seconds").beginObject(JsonLayout::Inline);
+  for (const auto& [stage, seconds] : run.seconds) json.member(stage, std::round(seconds * 1e6) * 1e-6);
+  json.end();
+  json.member("threads", run.threads);
+  json.member("peak_memory_mb", std::round(run.peakMemoryMb * 10) / 10);
+  json.key("paths").beginObject();
+  for (const auto& [role, path] : run.paths) json.member(role, path);
+  json.end().end();
+}
+
+}  // namespace
+
+std::optional<double> VolumeReport::relativeChange() const {
+  if (!before || !after || *before == 0) return std::nullopt;
+  return (*after - *before) / *before;
+}
+
+MaxAndP99 maxAndP99(std::vector<float> values) {
+  std::erase_if(values, [](float v) { return std::isnan(v); });
+  if (values.empty()) return {};
+  // Nearest rank: the smallest value that at least 99 % of the values do not exceed.
+  const std::size_t rank = values.size() - values.size() / 100;
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(rank - 1);
+  std::nth_element(values.begin(), at, values.end());
+  return {*std::max_element(at, values.end()), *at};
+}
+
+std::string toJson(const Report& report) {
+  JsonWriter json;
+  json.beginObject();
+  json.member("format", "fielddeform-report").member("version", kVersion);
+  json.key("options").raw(report.options.empty() ? "{}" : report.options);
+  json.key("predictor").beginObject().member("used", report.predictor).member("reason", report.predictorReason).end();
+  json.member("vertices", report.vertices).member("faces", report.faces);
+  json.key("status").beginObject(JsonLayout::Inline);
+  for (std::size_t s = 0; s < kStatusCount; ++s) json.member(toString(static_cast<Status>(s)), report.status[s]);
+  json.end();
+  json.key("residual").beginObject(JsonLayout::Inline);
+  writeMaxAndP99(json, report.residual);
+  json.member("tolerance", report.tolerance).member("radius", report.referenceRadius).end();
+  json.key("folds").beginObject(JsonLayout::Inline);
+  json.member("before", report.foldsBefore).member("after", report.foldsAfter).end();
+  json.member("flipped", report.flipped);
+  writeVolume(json, report.volume);
+  json.member("inserted_vertices", report.insertedVertices);
+  json.key("stretch").beginObject(JsonLayout::Inline);
+  writeMaxAndP99(json, report.stretch);
+  json.end();
+  json.key("warnings").beginArray();
+  for (const std::string& warning : report.warnings) json.value(warning);
+  json.end();
+  writeRun(json, report.run);
+  json.end();
+  return json.text();
+}
+
+}  // namespace fielddeform::scene

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <fielddeform/core/status.h>
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fielddeform::scene {
+
+/// Volume enclosed by the faces (each polygon the fan from its corner 0), world units cubed.
+struct VolumeReport {
+  std::optional<double> before;
+  std::optional<double> after;
+  std::optional<double> asWritten;     ///< after rounding to the types of the written file; absent if nothing is written
+  std::string reason;                  ///< why there is none, e.g. "the mesh is open"; empty if there is one
+
+  /// (after - before) / before; absent without both or if before is 0.
+  std::optional<double> relativeChange() const;
+};
+
+struct MaxAndP99 {
+  double max = 0;
+  double p99 = 0;  ///< 99 of 100 values are not larger (nearest rank)
+};
+
+/// The greatest value and the 99th percentile; zeros for no values. NaN values are left out.
+MaxAndP99 maxAndP99(std::vector<float> values);
+
+/// What depends on the machine and the moment. Comparisons of reports leave it out.
+struct RunFacts {
+  std::vector<std::pair<std::string, double>> seconds;     ///< per stage, in order
+  int threads = 0;
+  double peakMemoryMb = 0;                                 ///< of the whole process so far, 1e6 bytes
+  std::vector<std::pair<std::string, std::string>> paths;  ///< role, path: "input", "output", "report", ...
+};
+
+/// What a run did. docs/report.md explains every entry.
+struct Report {
+  std::string options;                ///< JSON object: the scene that was run, every choice resolved, without paths
+  std::string predictor;              ///< the tracker's word
+  std::string predictorReason;        ///< why it was chosen
+  std::size_t vertices = 0;           ///< of the output
+  std::size_t faces = 0;              ///< of the output
+  StatusCounts status{};              ///< adds up to vertices
+  MaxAndP99 residual;                 ///< world units
+  double referenceRadius = 0;         ///< R, world units
+  double tolerance = 0;               ///< world units
+  std::size_t foldsBefore = 0;        ///< folded edges of the input by itself (cosine of its normals below -0.3)
+  std::size_t foldsAfter = 0;         ///< edges that the deformation folded
+  std::size_t flipped = 0;            ///< faces turned against the map's own rotation
+  VolumeReport volume;
+  std::size_t insertedVertices = 0;
+  MaxAndP99 stretch;                  ///< edge length after / before
+  std::vector<std::string> warnings;  ///< sentences
+  RunFacts run;
+};
+
+/// The report as JSON text.
+std::string toJson(const Report& report);
+
+}  // namespace fielddeform::scene
