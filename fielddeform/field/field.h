@@ -3,13 +3,22 @@
 #include <fielddeform/skeleton/skeleton.h>
 
 #include <memory>
+#include <optional>
 
 namespace fielddeform::field {
 
+/// What the pseudo-distance is where no primitive reaches.
+enum class Extension : std::uint8_t {
+  Linear,  ///< min over primitives of R d_i / r_i, so that a tracked point finds its way back
+  None,    ///< R, without gradient: the clipped field as the paper prints it
+};
+
 struct FieldOptions {
   skeleton::Potential potential = skeleton::Potential::Exponential;  ///< for primitives that name none; also the one inverted for the pseudo-distance
-  double sharpness = 4;  ///< k in x = k d / r, dimensionless, > 0
-  void validate() const;
+  double sharpness = 4;                      ///< k in x = k d / r, dimensionless, 1e-3 to 500
+  Extension extension = Extension::Linear;   ///< beyond all radii
+  std::optional<double> referenceRadius = {};  ///< R, the unit of D, world; absent: the field's own greatest radius
+  void validate() const;                     ///< @throw std::invalid_argument
 };
 
 /// Closest point on one primitive.
@@ -23,29 +32,42 @@ struct PrimitiveHit {
 };
 
 /// Blended field at a point. D is in world units: the distance, were there one primitive with radius R.
+/// Only D / R compares between fields of different R.
 struct FieldValue {
   double sum = 0;               ///< S = sum_i w_i E_i, clipped at the radii; dimensionless
-  double pseudoDistance = 0;    ///< D, extended beyond the radii
+  double pseudoDistance = 0;    ///< D, extended beyond the radii as the options say
   Vec3 gradient = Vec3::Zero(); ///< dD/dp, dimensionless
   bool inside = false;          ///< S > 0: in the influence region
 };
 
 /// The scalar field of a skeleton: exact distance to each primitive, potentials, blend, pseudo-distance.
-/// Immutable and safe to use from many threads. [Qin et al. 2003, eqs. (1)-(2); units: docs/field.md]
+/// Primitives of weight 0 contribute nothing, neither to the sum nor beyond the radii. Where nothing contributes, and
+/// at points that are not finite, D is infinite and the gradient zero.
+/// Scaling skeleton and point by a power of two scales D by it and changes no other number, bit for bit.
+/// Immutable and safe to use from many threads. [Qin et al. 2003, eqs. (1)-(2); formulas and units: docs/field.md]
 class Field {
  public:
-  /// @throw std::invalid_argument if a primitive has no radius yet, or the skeleton is invalid
-  Field(const skeleton::Skeleton& skeleton, const FieldOptions& options);
+  /// @throw std::invalid_argument if the skeleton is invalid, a primitive has neither radius nor radii per point, a
+  ///        weight exceeds 1e40, or an option is out of range
+  explicit Field(const skeleton::Skeleton& skeleton, const FieldOptions& options = {});
   ~Field();
   Field(Field&&) noexcept;
   Field& operator=(Field&&) noexcept;
 
+  const FieldOptions& options() const noexcept;
   std::size_t primitiveCount() const noexcept;
-  double referenceRadius() const noexcept;          ///< R = max over primitives and their points, world
+  double referenceRadius() const noexcept;          ///< R = max over primitives of positive weight and their points, world
   double radius(std::size_t primitive) const;       ///< the primitive's greatest radius, world
 
   FieldValue evaluate(const Vec3& point) const;
-  /// Unsigned or signed exact closest point on primitive i; NaN-safe only for finite points.
+  /// Many points, in parallel. @throw std::invalid_argument if the sizes differ
+  void evaluate(Points points, std::span<FieldValue> out) const;
+  /// D of a sum S > 0, as evaluate() computes it: the inverse of the field's own potential, world.
+  double pseudoDistanceOf(double sum) const;
+
+  /// Unsigned or signed exact closest point on primitive i. A closed mesh contains the points whose winding number is
+  /// beyond 1/2 in either sense, so that small holes and an inside-out orientation do no harm.
+  /// @param point  finite; for others the hit's element is kNoIndex
   PrimitiveHit closest(std::size_t primitive, const Vec3& point) const;
   /// The influence radius of primitive i at a hit: interpolated per-point radius, or the one radius.
   double radiusAt(std::size_t primitive, const PrimitiveHit& hit) const;

@@ -173,9 +173,11 @@ ClosestPoint ClosestTree::Impl::query(const Vec3& world, const QueryOptions& opt
   }
   const double d2 = best.hit.squaredDistance;
   const Vec3 point = foot * inverse;
-  const double distance = far || d2 < kTinySquare ? (world - point).stableNorm() : std::sqrt(d2) * inverse;
+  const bool outOfRange = far || d2 < kTinySquare;
+  const Vec3 offset = outOfRange ? Vec3(world - point) : Vec3(best.hit.offset * inverse);
+  const double distance = outOfRange ? offset.stableNorm() : std::sqrt(d2) * inverse;
   if (distance > options.maxDistance) return result;
-  return {best.element, distance, point, w};
+  return {best.element, distance, point, offset, w};
 }
 
 ClosestTree::ClosestTree(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

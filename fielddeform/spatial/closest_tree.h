@@ -13,6 +13,7 @@ struct ClosestPoint {
   Index element = kNoIndex;  ///< kNoIndex: none within the bound, no elements, or the query is not finite
   double distance = std::numeric_limits<double>::infinity();  ///< world, >= 0
   Vec3 point = Vec3::Zero();   ///< world
+  Vec3 offset = Vec3::Zero();  ///< query minus point, more exact than the difference of the two
   Vec3 weight = Vec3::Zero();  ///< barycentric weights of `point` on the element's vertices, >= 0, sum 1; unused ones 0
 };
 

@@ -13,7 +13,8 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 bool same(const ClosestPoint& a, const ClosestPoint& b) {
-  return a.element == b.element && a.distance == b.distance && a.point == b.point && a.weight == b.weight;
+  return a.element == b.element && a.distance == b.distance && a.point == b.point && a.offset == b.offset &&
+         a.weight == b.weight;
 }
 
 // First element of the smallest squared distance, over all elements, in coordinates whose squares are in range.
@@ -55,6 +56,7 @@ TEST(ClosestTree, TrianglesAgreeWithBruteForceToTheLastBit) {
       const SimplexHit direct = closestOnTriangle(p, s.points[c[0]], s.points[c[1]], s.points[c[2]]);
       EXPECT_EQ(hit.distance, std::sqrt(direct.squaredDistance));
       EXPECT_EQ(hit.weight, direct.weight);
+      EXPECT_EQ(hit.offset, direct.offset);
       const double size = s.points[0].norm() + 30;
       EXPECT_LT((hit.point - (p - direct.offset)).norm(), 1e-15 * size);
     }

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <fielddeform/field/field.h>
+#include <fielddeform/spatial/closest_tree.h>
+#include <fielddeform/spatial/winding.h>
+
+#include <array>
+#include <limits>
+#include <optional>
+#include <vector>
+
+namespace fielddeform::field::detail {
+
+/// Exact distance to one primitive, its sign, and its radius at the closest point.
+class PrimitiveDistance {
+ public:
+  /// @throw std::invalid_argument without a radius, or for a mesh without a triangle
+  explicit PrimitiveDistance(const skeleton::Primitive& primitive);
+
+  bool isSigned() const noexcept { return winding_.has_value(); }
+  double greatestRadius() const noexcept { return greatestRadius_; }
+
+  /// Nothing if the point is not finite, or farther than the bound. Signed primitives know no bound: their inside
+  /// counts at any depth.
+  std::optional<PrimitiveHit> closest(const Vec3& point, double maxDistance = std::numeric_limits<double>::infinity()) const;
+
+  double radiusAt(const PrimitiveHit& hit) const;
+  /// Derivative of f(p) = distance / radius(closest point) by p. With a radius per point:
+  /// n / r - (d / r^2) grad r, where r follows the closest point along its segment or in its triangle.
+  Vec3 relativeGradient(const PrimitiveHit& hit, double radius) const;
+
+ private:
+  Vec3 radiusGradient(const PrimitiveHit& hit) const;
+  Vec3 signedDirection(const spatial::ClosestPoint& c, bool inside) const;
+
+  int corners_;                                  // per element
+  std::vector<Vec3> points_;
+  std::vector<std::array<Index, 3>> elements_;   // unused corners kNoIndex
+  std::vector<double> pointRadius_;              // empty: one radius
+  double greatestRadius_;
+  std::optional<spatial::ClosestTree> tree_;
+  std::optional<spatial::WindingNumber> winding_;
+  double orientation_ = 1;                       // -1: the closed mesh is inside out
+};
+
+}  // namespace fielddeform::field::detail

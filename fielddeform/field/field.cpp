@@ -1,0 +1,169 @@
+#include <fielddeform/core/error.h>
+#include <fielddeform/core/parallel.h>
+#include <fielddeform/field/detail/primitive_distance.h>
+#include <fielddeform/field/field.h>
+#include <fielddeform/field/potential.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+namespace fielddeform::field {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kMaxWeight = 1e40;  // times e^600 and the number of primitives stays finite
+// The inverse of a kernel whose slope vanishes on the primitive has no slope bound there: at least this share of the
+// mean slope is divided by.
+constexpr double kSlopeFloor = 0.05;
+constexpr double kSlack = 1e-12;  // a bound in world units, rounded
+
+}  // namespace
+
+void FieldOptions::validate() const {
+  requireInRange("sharpness", sharpness, 1e-3, 500);
+  if (referenceRadius) requirePositive("referenceRadius", *referenceRadius);
+}
+
+struct Field::Impl {
+  struct Term {
+    detail::PrimitiveDistance distance;
+    Kernel kernel;
+    double weight;
+    bool plain;  // weight 1 and the field's own kernel: alone, its x is the blend's x
+  };
+
+  FieldOptions options;
+  Kernel own;
+  std::vector<Term> terms;
+  double reference = 1;  // R
+
+  Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o);
+  FieldValue evaluate(const Vec3& point) const;
+  bool blend(const Vec3& point, FieldValue& value) const;
+  void extend(const Vec3& point, FieldValue& value) const;
+};
+
+Field::Impl::Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o)
+    : options(o), own(o.potential, o.sharpness) {
+  double greatest = 0, greatestWeighted = 0;
+  for (const auto& p : skeleton.primitives) {
+    if (p.weight > kMaxWeight)
+      throw std::invalid_argument(fmt::format("primitive \"{}\": weight is {}, must be <= {}", p.name, p.weight, kMaxWeight));
+    const auto potential = p.potential.value_or(o.potential);
+    terms.push_back({detail::PrimitiveDistance(p), Kernel(potential, o.sharpness), p.weight,
+                     p.weight == 1 && potential == o.potential});
+    const double r = terms.back().distance.greatestRadius();
+    greatest = std::max(greatest, r);
+    if (p.weight > 0) greatestWeighted = std::max(greatestWeighted, r);
+  }
+  reference = o.referenceRadius.value_or(greatestWeighted > 0 ? greatestWeighted : greatest);
+}
+
+// The sum over the primitives that reach the point; false if none does.
+bool Field::Impl::blend(const Vec3& point, FieldValue& value) const {
+  const double k = options.sharpness;
+  Vec3 slope = Vec3::Zero();       // sum of w E'(x) grad(d / r)
+  Vec3 onlyGradient = Vec3::Zero();
+  double only = 0;
+  int active = 0;
+  bool plain = false;
+  for (const Term& t : terms) {
+    if (!(t.weight > 0)) continue;
+    const auto hit = t.distance.closest(point, t.distance.greatestRadius() * (1 + kSlack));
+    if (!hit) continue;
+    const double r = t.distance.radiusAt(*hit);
+    const double f = hit->distance / r, x = k * f;
+    const double e = t.weight * t.kernel.value(x);
+    if (!(e > 0)) continue;
+    value.sum += e;
+    const Vec3 g = t.distance.relativeGradient(*hit, r);
+    slope += t.weight * t.kernel.derivative(x) * g;
+    plain = t.plain;
+    only = f;
+    onlyGradient = g;
+    ++active;
+  }
+  if (active == 0) return false;
+  value.inside = true;
+  if (active == 1 && plain) {
+    value.pseudoDistance = reference * only;
+    value.gradient = reference * onlyGradient;
+    return true;
+  }
+  const double x = own.inverse(value.sum);
+  value.pseudoDistance = reference * (x / k);
+  double steepness = -own.slopeAt(value.sum);
+  if (2 * x < k) steepness = std::max(steepness, kSlopeFloor * own.atZero() / k);
+  // Where the slope vanishes at the radius (sum rounded to almost nothing) there is no direction to be had.
+  if (steepness > 0) value.gradient = (-reference / steepness) * slope;
+  return true;
+}
+
+void Field::Impl::extend(const Vec3& point, FieldValue& value) const {
+  double best = kInfinity;  // d / r
+  for (const Term& t : terms) {
+    if (!(t.weight > 0)) continue;
+    const auto hit = t.distance.closest(point, best * t.distance.greatestRadius() * (1 + kSlack));
+    if (!hit) continue;
+    const double r = t.distance.radiusAt(*hit);
+    if (!(hit->distance / r < best)) continue;
+    best = hit->distance / r;
+    value.gradient = reference * t.distance.relativeGradient(*hit, r);
+  }
+  value.pseudoDistance = reference * best;
+}
+
+FieldValue Field::Impl::evaluate(const Vec3& point) const {
+  FieldValue value;
+  value.pseudoDistance = kInfinity;
+  if (!point.allFinite() || blend(point, value)) return value;
+  if (options.extension == Extension::Linear)
+    extend(point, value);
+  else
+    value.pseudoDistance = reference;
+  return value;
+}
+
+Field::Field(const skeleton::Skeleton& skeleton, const FieldOptions& options) {
+  options.validate();
+  skeleton::validate(skeleton);
+  impl_ = std::make_unique<Impl>(skeleton, options);
+}
+Field::~Field() = default;
+Field::Field(Field&&) noexcept = default;
+Field& Field::operator=(Field&&) noexcept = default;
+
+const FieldOptions& Field::options() const noexcept { return impl_->options; }
+std::size_t Field::primitiveCount() const noexcept { return impl_->terms.size(); }
+double Field::referenceRadius() const noexcept { return impl_->reference; }
+double Field::radius(std::size_t primitive) const { return impl_->terms.at(primitive).distance.greatestRadius(); }
+
+FieldValue Field::evaluate(const Vec3& point) const { return impl_->evaluate(point); }
+
+void Field::evaluate(Points points, std::span<FieldValue> out) const {
+  if (points.size() != out.size())
+    throw std::invalid_argument(fmt::format("out: {} elements, expected {}", out.size(), points.size()));
+  parallelFor(points.size(), 512, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) out[i] = impl_->evaluate(points[i]);
+  });
+}
+
+double Field::pseudoDistanceOf(double sum) const {
+  return impl_->reference * (impl_->own.inverse(sum) / impl_->options.sharpness);
+}
+
+PrimitiveHit Field::closest(std::size_t primitive, const Vec3& point) const {
+  if (const auto hit = impl_->terms.at(primitive).distance.closest(point)) return *hit;
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  return {point, nan, Vec3::Zero(), kNoIndex, {kNoIndex, kNoIndex, kNoIndex}, Vec3::Zero()};
+}
+
+double Field::radiusAt(std::size_t primitive, const PrimitiveHit& hit) const {
+  return impl_->terms.at(primitive).distance.radiusAt(hit);
+}
+
+}  // namespace fielddeform::field
