@@ -4,6 +4,7 @@
 #include <CLI/Config.hpp>
 #include <CLI/Formatter.hpp>
 #include <functional>
+#include <memory>
 
 #include "terminal.h"
 
@@ -36,6 +37,8 @@ std::unique_ptr<CLI::App> makeApp(Session& session);
 /// Adds "--threads N", which every computing command has.
 void addThreads(CLI::App& command, Session& session);
 
+void addInfo(CLI::App& app, Session& session);
+void addRender(CLI::App& app, Session& session);
 void addManual(CLI::App& app, Session& session);
 
 }  // namespace fielddeform::cli

@@ -17,6 +17,7 @@ std::unique_ptr<CLI::App> makeApp(Session& session) {
   app->get_formatter()->column_width(34);
   app->get_formatter()->label("REQUIRED", "");
   app->footer("Each command has its own help: fielddeform COMMAND --help");
+  addInfo(*app, session);
   addManual(*app, session);
   return app;
 }

@@ -1,0 +1,92 @@
+#include "values.h"
+
+#include <fielddeform/core/angle.h>
+#include <fmt/format.h>
+
+#include <CLI/Validators.hpp>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+namespace fielddeform::cli {
+namespace {
+
+[[noreturn]] void refuse(const std::string& option, const std::string& text, std::string_view expected) {
+  throw CLI::ConversionError(fmt::format("{}: \"{}\", expected {}", option, text, expected));
+}
+
+double parseNumber(const std::string& option, const std::string& text) {
+  double value = 0;
+  const char* end = text.data() + text.size();
+  const char* begin = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
+  const auto [stop, error] = std::from_chars(begin, end, value);
+  if (error != std::errc() || stop != end || !std::isfinite(value)) refuse(option, text, "a finite number");
+  return value;
+}
+
+}  // namespace
+
+std::vector<double> parseNumbers(const std::string& option, const std::string& text, std::size_t count) {
+  std::vector<double> numbers;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    numbers.push_back(parseNumber(option, text.substr(begin, end - begin)));
+    begin = end + 1;
+  }
+  if (numbers.size() != count) refuse(option, text, fmt::format("{} numbers between commas", count));
+  return numbers;
+}
+
+CLI::Option* addVec3(CLI::App& command, const std::string& name, std::optional<Vec3>& value, const std::string& help) {
+  return command
+      .add_option_function<std::string>(
+          name,
+          [name, &value](const std::string& text) {
+            const auto n = parseNumbers(name, text, 3);
+            value = Vec3(n[0], n[1], n[2]);
+          },
+          help)
+      ->type_name("X,Y,Z");
+}
+
+CLI::Option* addNumber(CLI::App& command, const std::string& name, std::optional<double>& value, const std::string& help) {
+  return command
+      .add_option_function<std::string>(
+          name, [name, &value](const std::string& text) { value = parseNumber(name, text); }, help)
+      ->type_name("NUMBER");
+}
+
+CLI::Option* addNumber(CLI::App& command, const std::string& name, double& value, const std::string& help) {
+  return command
+      .add_option_function<std::string>(
+          name, [name, &value](const std::string& text) { value = parseNumber(name, text); }, help)
+      ->type_name("NUMBER");
+}
+
+CLI::Option* addDegrees(CLI::App& command, const std::string& name, std::optional<double>& radians,
+                        const std::string& help) {
+  return command
+      .add_option_function<std::string>(
+          name,
+          [name, &radians](const std::string& text) { radians = radiansFromDegrees(parseNumber(name, text)); }, help)
+      ->type_name("DEG");
+}
+
+CLI::Option* addWord(CLI::App& command, const std::string& name, std::vector<std::string> words,
+                     std::function<void(std::size_t)> set, const std::string& help) {
+  return command
+      .add_option_function<std::string>(
+          name,
+          [words, set = std::move(set)](const std::string& text) {
+            set(static_cast<std::size_t>(std::find(words.begin(), words.end(), text) - words.begin()));
+          },
+          help)
+      ->type_name("")
+      ->check(CLI::IsMember(words));
+}
+
+std::filesystem::path withSuffix(const std::filesystem::path& path, std::string_view suffix, std::string_view extension) {
+  return path.parent_path() / fmt::format("{}{}{}", path.stem().string(), suffix, extension);
+}
+
+}  // namespace fielddeform::cli

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <fielddeform/core/types.h>
+
+#include <CLI/App.hpp>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+/// Option values that CLI11 does not know. Whatever does not parse is a usage error that names the option.
+namespace fielddeform::cli {
+
+/// Numbers between commas, all finite. @throw CLI::ConversionError
+std::vector<double> parseNumbers(const std::string& option, const std::string& text, std::size_t count);
+
+/// "X,Y,Z"
+CLI::Option* addVec3(CLI::App& command, const std::string& name, std::optional<Vec3>& value, const std::string& help);
+/// A finite number.
+CLI::Option* addNumber(CLI::App& command, const std::string& name, std::optional<double>& value, const std::string& help);
+CLI::Option* addNumber(CLI::App& command, const std::string& name, double& value, const std::string& help);
+/// Degrees on the command line, radians in the program.
+CLI::Option* addDegrees(CLI::App& command, const std::string& name, std::optional<double>& radians,
+                        const std::string& help);
+/// One of a set of words; index into them.
+CLI::Option* addWord(CLI::App& command, const std::string& name, std::vector<std::string> words,
+                     std::function<void(std::size_t)> set, const std::string& help);
+
+/// "out/pic.png" for ("out/mesh.ply", "", ".png").
+std::filesystem::path withSuffix(const std::filesystem::path& path, std::string_view suffix, std::string_view extension);
+
+}  // namespace fielddeform::cli
