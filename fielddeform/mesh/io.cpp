@@ -1,4 +1,5 @@
 #include <fielddeform/mesh/formats/codec.h>
+#include <fielddeform/mesh/formats/stl.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,6 +20,8 @@ struct Entry {
 constexpr Entry kEntries[] = {
     {Format::Ply, "ply", &readPly, &writePly},
     {Format::Obj, "obj", &readObj, &writeObj},
+    {Format::Stl, "stl", &readStl, &writeStl},
+    {Format::Off, "off", &readOff, &writeOff},
 };
 
 const Entry* entryOf(Format format) {
@@ -114,8 +117,15 @@ std::optional<Format> formatFromExtension(const std::filesystem::path& path) {
 }
 
 std::optional<Format> formatFromContent(std::span<const char> bytes) {
-  const std::string_view text(bytes.data(), std::min<std::size_t>(bytes.size(), 512));
+  std::string_view text(bytes.data(), std::min<std::size_t>(bytes.size(), 512));
   if (text.starts_with("ply\n") || text.starts_with("ply\r") || text.starts_with("ply ")) return Format::Ply;
+  if (hasBinaryStlSize(bytes)) return Format::Stl;
+  text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
+  const std::string_view word = text.substr(0, text.find_first_of(" \t\r\n"));
+  if (word == "solid" && text.find("facet") != text.npos) return Format::Stl;
+  for (const std::string_view magic :
+       {"OFF", "COFF", "NOFF", "CNOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF", "4OFF", "nOFF"})
+    if (word == magic) return Format::Off;
   return {};
 }
 

@@ -34,7 +34,7 @@ TEST(FormatsReal, EveryMeshHasItsCountsAndComesBackTheSame) {
       std::ifstream in(path, std::ios::binary);
       EXPECT_TRUE(std::string(std::istreambuf_iterator<char>(in), {}) == bytes);
     }
-    for (const Format other : {Format::Ply, Format::Obj}) {
+    for (const Format other : {Format::Ply, Format::Obj, Format::Off}) {
       const Mesh converted = parse(meshBytes(mesh, other), "t." + std::string(toString(other)));
       EXPECT_EQ(converted.corners(), mesh.corners());
       EXPECT_EQ(converted.offsets(), mesh.offsets());

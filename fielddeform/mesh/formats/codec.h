@@ -24,6 +24,10 @@ Mesh readPly(const ReadContext& context);
 void writePly(const WriteContext& context);
 Mesh readObj(const ReadContext& context);
 void writeObj(const WriteContext& context);
+Mesh readStl(const ReadContext& context);
+void writeStl(const WriteContext& context);
+Mesh readOff(const ReadContext& context);
+void writeOff(const WriteContext& context);
 
 /// A layout knows its format.
 class FormatLayout : public FileLayout {
