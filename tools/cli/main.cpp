@@ -6,6 +6,7 @@
 #include <new>
 
 #include "command.h"
+#include "values.h"
 
 namespace fielddeform::cli {
 
@@ -18,6 +19,7 @@ std::unique_ptr<CLI::App> makeApp(Session& session) {
   app->get_formatter()->label("REQUIRED", "");
   app->footer("Each command has its own help: fielddeform COMMAND --help");
   addInfo(*app, session);
+  addRender(*app, session);
   addManual(*app, session);
   return app;
 }
@@ -25,7 +27,7 @@ std::unique_ptr<CLI::App> makeApp(Session& session) {
 void addThreads(CLI::App& command, Session& session) {
   command.add_option("--threads", session.threads, "Threads to use (default: all); the result is the same on any number")
       ->type_name("N")
-      ->check(CLI::Range(1, 4096));
+      ->check(within(1, 4096));
 }
 
 namespace {

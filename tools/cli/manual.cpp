@@ -3,6 +3,7 @@
 #include <fielddeform/core/version.h>
 #include <fmt/format.h>
 
+#include <sstream>
 #include <vector>
 
 #include "command.h"
@@ -18,21 +19,13 @@ std::vector<const CLI::Option*> optionsOf(const CLI::App& app) {
   return app.get_options([](const CLI::Option* option) { return !option->get_group().empty(); });
 }
 
-// The words of an option that takes one of a fixed set: its type name reads "{a,b,c}" or "NAME:{a,b,c}".
+// The words of an option that takes one of a fixed set: its type's name reads "turn|recompute|keep". Parts in capitals
+// stand for values that cannot be listed.
 std::vector<std::string> choicesOf(const CLI::Option& option) {
-  const std::string type = option.get_type_name();
-  const auto open = type.find('{'), close = type.rfind('}');
   std::vector<std::string> words;
-  if (open == std::string::npos || close == std::string::npos || close < open) return words;
-  std::string word;
-  for (const char c : type.substr(open + 1, close - open - 1) + ",") {
-    if (c == ',') {
-      words.push_back(word);
-      word.clear();
-    } else {
-      word += c;
-    }
-  }
+  std::istringstream parts(option.get_type_name());
+  for (std::string word; std::getline(parts, word, '|');)
+    if (!word.empty() && word[0] >= 'a' && word[0] <= 'z') words.push_back(word);
   return words;
 }
 

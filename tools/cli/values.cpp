@@ -81,8 +81,28 @@ CLI::Option* addWord(CLI::App& command, const std::string& name, std::vector<std
             set(static_cast<std::size_t>(std::find(words.begin(), words.end(), text) - words.begin()));
           },
           help)
-      ->type_name("")
-      ->check(CLI::IsMember(words));
+      ->type_name(fmt::format("{}", fmt::join(words, "|")))
+      ->check(oneOf(words));
+}
+
+CLI::Validator oneOf(const std::vector<std::string>& words) {
+  return CLI::Validator(
+      [words](const std::string& text) {
+        if (std::find(words.begin(), words.end(), text) != words.end()) return std::string();
+        return fmt::format("\"{}\", expected one of {}", text, fmt::join(words, ", "));
+      },
+      "");
+}
+
+CLI::Validator within(double low, double high) {
+  return CLI::Validator(
+      [low, high](const std::string& text) {
+        double value = 0;
+        const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+        const bool good = error == std::errc() && stop == text.data() + text.size() && value >= low && value <= high;
+        return good ? std::string() : fmt::format("{}, expected a number in {}..{}", text, low, high);
+      },
+      "");
 }
 
 std::filesystem::path withSuffix(const std::filesystem::path& path, std::string_view suffix, std::string_view extension) {

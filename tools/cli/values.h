@@ -26,6 +26,10 @@ CLI::Option* addDegrees(CLI::App& command, const std::string& name, std::optiona
 CLI::Option* addWord(CLI::App& command, const std::string& name, std::vector<std::string> words,
                      std::function<void(std::size_t)> set, const std::string& help);
 
+/// Checks that say nothing in the help; the type's name does.
+CLI::Validator oneOf(const std::vector<std::string>& words);
+CLI::Validator within(double low, double high);
+
 /// "out/pic.png" for ("out/mesh.ply", "", ".png").
 std::filesystem::path withSuffix(const std::filesystem::path& path, std::string_view suffix, std::string_view extension);
 
