@@ -17,6 +17,8 @@ class GffdMap final : public map::SpaceMap {
   /// @throw std::invalid_argument if the options still hold an Auto
   explicit GffdMap(ResolvedOptions resolved);
   ~GffdMap() override;
+  GffdMap(const GffdMap&);
+  GffdMap& operator=(const GffdMap&);
 
   std::shared_ptr<const map::Binding> bind(Points rest) const override;
   std::shared_ptr<const map::Binding> bindMidpoints(const map::Binding& binding, Points rest,
@@ -31,7 +33,7 @@ class GffdMap final : public map::SpaceMap {
                  std::span<float> out) const;
 
   /// The same rest skeleton, another pose. Bindings of this map stay valid for the new one.
-  /// @throw std::invalid_argument if the pose does not fit the rest skeleton
+  /// @throw std::invalid_argument if the pose removes other primitives than this map's, or is invalid
   GffdMap withPose(skeleton::Skeleton posed) const;
   /// The same edit tracked in n substeps; bindings stay valid.
   GffdMap withSubsteps(int substeps) const;

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <fielddeform/field/field.h>
+#include <fielddeform/map/space_map.h>
 #include <fielddeform/mesh/mesh.h>
 #include <fielddeform/skeleton/skeleton.h>
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -42,10 +44,10 @@ struct Options {
   double falloffBand = 0.5;        ///< beta: share of the radius over which the displacement dies out, in (0, 1]
   int substeps = 1;                ///< poses tracked one after the other, 1..64
   bool retry = true;               ///< try 2, then 4 substeps when the surface folded, keep the better
-  std::optional<double> radius;    ///< for primitives without one, world units; absent: automatic (contracts: 2 x distance)
+  std::optional<double> radius{};  ///< for primitives without one, world units; absent: automatic (contracts: 2 x distance)
   double autoRadiusFactor = 2;     ///< automatic radius = factor x greatest distance from the mesh to the skeleton
   MidpointValue midpointValue = MidpointValue::Sampled;
-  field::FieldOptions field;
+  field::FieldOptions field{};
 
   /// @throw std::invalid_argument naming the field, its value and its bound
   void validate() const;
@@ -54,18 +56,25 @@ struct Options {
 std::string_view toString(Predictor predictor) noexcept;  ///< "auto", "mls", "axial", "warp", "gradient"
 std::optional<Predictor> predictorFromString(std::string_view word) noexcept;
 
+namespace detail {
+struct Embedding;
+}
+
 /// Options with every choice made: stored with a scene, they repeat a run exactly, on any mesh.
 struct ResolvedOptions {
   Options options;                  ///< predictor never Auto, falloff never Auto
-  skeleton::SkeletonPair skeletons; ///< every primitive has a radius
+  skeleton::SkeletonPair skeletons{}; ///< every primitive has a radius
   bool radiusWasAutomatic = false;
   double referenceRadius = 0;       ///< R of the rest skeleton, world
-  std::string predictorReason;      ///< one sentence for the report: why this predictor
+  std::string predictorReason{};    ///< one sentence for the report: why this predictor
+  std::shared_ptr<const detail::Embedding> embedding{};  ///< fields made on the way, reused by the map; may be null
 };
 
 /// Makes every choice that looks at the mesh: radius, predictor, falloff. Deterministic; examines at most 4096 points
 /// of the mesh for the predictor.
 /// @throw std::invalid_argument for invalid options or skeletons, or an empty rest skeleton
-ResolvedOptions resolve(const Options& options, const mesh::Mesh& mesh, const skeleton::SkeletonPair& skeletons);
+/// @param binding  if given, receives the mesh's binding where one had to be made, for any map of the result
+ResolvedOptions resolve(const Options& options, const mesh::Mesh& mesh, const skeleton::SkeletonPair& skeletons,
+                        std::shared_ptr<const map::Binding>* binding = nullptr);
 
 }  // namespace fielddeform::gffd

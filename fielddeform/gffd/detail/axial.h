@@ -1,0 +1,34 @@
+#pragma once
+
+#include <fielddeform/field/field.h>
+#include <fielddeform/gffd/detail/local_motion.h>
+#include <fielddeform/skeleton/frames.h>
+
+#include <memory>
+#include <vector>
+
+namespace fielddeform::gffd::detail {
+
+/// Closest-frame prediction: the foot of the point on a primitive carries the point with its frame; several primitives
+/// are blended with exp(-4 d_i / r_i) as dual quaternions. [Lazarus et al. 1994, for any primitive]
+class AxialPredictor {
+ public:
+  /// @param field  of the rest primitives that `samples` samples, in the same order
+  AxialPredictor(std::shared_ptr<const field::Field> field, const skeleton::SampledPair& samples);
+  LocalMotion at(const Vec3& point) const;
+  /// min_i |d_i| / r_i: how near the skeleton is, in radii.
+  double nearness(const Vec3& point) const;
+
+ private:
+  struct Frame {
+    Vec3 rest, move;
+    Quat rotation;
+  };
+  Frame frameAt(std::size_t primitive, const field::PrimitiveHit& hit) const;
+
+  std::shared_ptr<const field::Field> field_;
+  skeleton::SampleSet set_;
+  std::vector<Frame> frames_;  // one a sample
+};
+
+}  // namespace fielddeform::gffd::detail

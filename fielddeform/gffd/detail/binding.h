@@ -1,0 +1,27 @@
+#pragma once
+
+#include <fielddeform/gffd/detail/stage.h>
+#include <fielddeform/map/space_map.h>
+
+#include <vector>
+
+namespace fielddeform::gffd::detail {
+
+std::shared_ptr<const Embedding> makeEmbedding(const skeleton::SkeletonPair& pair, const field::FieldOptions& options);
+
+struct GffdBinding final : map::Binding {
+  std::shared_ptr<const Embedding> embedding;
+  std::vector<Vec3> rest;
+  std::vector<double> level;  ///< D / R at rest; NaN for points that do not move
+  std::vector<double> share;  ///< empty if it follows from the level (nothing was removed)
+
+  std::size_t size() const override { return rest.size(); }
+  bool movable(std::size_t i) const { return level[i] == level[i]; }
+  Value value(std::size_t i) const;
+};
+
+std::shared_ptr<GffdBinding> bindPoints(std::shared_ptr<const Embedding> embedding, Points rest);
+/// The value of one finite point; level NaN if it lies outside the influence region.
+Value bindOne(const Embedding& embedding, const Vec3& point);
+
+}  // namespace fielddeform::gffd::detail

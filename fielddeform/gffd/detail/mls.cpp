@@ -1,0 +1,122 @@
+#include <fielddeform/core/parallel.h>
+#include <fielddeform/gffd/detail/mls.h>
+#include <fielddeform/numeric/elementary.h>
+#include <fielddeform/numeric/rotation.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace fielddeform::gffd::detail {
+namespace {
+
+constexpr double kSharpness = 8;
+constexpr double kCutoff = 36;  // exp(-36) is below rounding
+constexpr Index kBlock = 16;
+
+std::uint64_t spread(std::uint64_t x) {
+  x &= 0x1FFFFF;
+  x = (x | x << 32) & 0x1F00000000FFFFull;
+  x = (x | x << 16) & 0x1F0000FF0000FFull;
+  x = (x | x << 8) & 0x100F00F00F00F00Full;
+  x = (x | x << 4) & 0x10C30C30C30C30C3ull;
+  x = (x | x << 2) & 0x1249249249249249ull;
+  return x;
+}
+
+std::vector<std::uint32_t> mortonOrder(const std::vector<Vec3>& points) {
+  Box box;
+  for (const Vec3& p : points) box.extend(p);
+  const double side = std::max(box.sizes().maxCoeff(), 0.0);
+  std::vector<std::uint64_t> keys(points.size(), 0);
+  if (side > 0)
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const Vec3 u = (points[i] - box.min()) * (2097151.0 / side);
+      for (int k = 0; k < 3; ++k) keys[i] |= spread(static_cast<std::uint64_t>(u[k])) << k;
+    }
+  return sortedOrder(keys);
+}
+
+}  // namespace
+
+MlsPredictor::MlsPredictor(const skeleton::SampledPair& pair) {
+  for (const std::uint32_t j : mortonOrder(pair.rest)) {
+    const skeleton::Sample& s = pair.set.samples[j];
+    if (!(s.mass > 0)) continue;
+    samples_.push_back({pair.rest[j], pair.posed[j] - pair.rest[j], s.mass, 1 / s.radius, pair.rotation[j].toRotationMatrix()});
+  }
+  // A skeleton without extent (coincident points) has no mass: every sample then counts alike.
+  if (samples_.empty())
+    for (std::size_t j = 0; j < pair.rest.size(); ++j)
+      samples_.push_back({pair.rest[j], pair.posed[j] - pair.rest[j], 1, 1 / pair.set.samples[j].radius,
+                          pair.rotation[j].toRotationMatrix()});
+  for (Index b = 0; b < samples_.size(); b += kBlock) {
+    Block block{Vec3::Zero(), 0, 0, 0, b, std::min<Index>(b + kBlock, static_cast<Index>(samples_.size()))};
+    Box box;
+    block.inverseRadiusMin = samples_[b].inverseRadius;
+    for (Index j = block.begin; j < block.end; ++j) {
+      box.extend(samples_[j].rest);
+      block.inverseRadiusMax = std::max(block.inverseRadiusMax, samples_[j].inverseRadius);
+      block.inverseRadiusMin = std::min(block.inverseRadiusMin, samples_[j].inverseRadius);
+    }
+    block.centre = box.center();
+    for (Index j = block.begin; j < block.end; ++j)
+      block.radius = std::max(block.radius, (samples_[j].rest - block.centre).norm());
+    blocks_.push_back(block);
+  }
+}
+
+LocalMotion MlsPredictor::at(const Vec3& point) const {
+  // The nearest sample in units of its radius; its weight is one.
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const Block& b : blocks_) {
+    const double low = ((point - b.centre).norm() - b.radius) * b.inverseRadiusMin;
+    if (low > nearest) continue;
+    for (Index j = b.begin; j < b.end; ++j)
+      nearest = std::min(nearest, (samples_[j].rest - point).norm() * samples_[j].inverseRadius);
+  }
+  // Rows: weight, w p, w u, w p u^T, w p p^T (upper), w R^T; p relative to the point, u = q - p.
+  constexpr int kRows = 1 + 3 + 3 + 9 + 6 + 9;
+  std::array<double, kRows> sum{};
+  const double reach = nearest + kCutoff / kSharpness;
+  for (const Block& b : blocks_) {
+    if (((point - b.centre).norm() - b.radius) * b.inverseRadiusMin > reach) continue;
+    const Index n = b.end - b.begin;
+    std::array<double, kBlock> x;
+    for (Index i = 0; i < n; ++i) {
+      const Sample& s = samples_[b.begin + i];
+      x[i] = kSharpness * (nearest - (s.rest - point).norm() * s.inverseRadius);
+    }
+    for (Index i = n; i < kBlock; ++i) x[i] = -1e3;
+    for (Index i = 0; i < kBlock; ++i) x[i] = numeric::exp(x[i]);
+    for (Index i = 0; i < n; ++i) {
+      const Sample& s = samples_[b.begin + i];
+      if (x[i] < 2e-16) continue;
+      const double w = x[i] * s.mass;
+      const Vec3 p = s.rest - point;
+      const std::array<double, kRows> row{1, p[0], p[1], p[2], s.move[0], s.move[1], s.move[2],
+          p[0] * s.move[0], p[1] * s.move[0], p[2] * s.move[0], p[0] * s.move[1], p[1] * s.move[1], p[2] * s.move[1],
+          p[0] * s.move[2], p[1] * s.move[2], p[2] * s.move[2],
+          p[0] * p[0], p[0] * p[1], p[0] * p[2], p[1] * p[1], p[1] * p[2], p[2] * p[2],
+          s.rotation(0, 0), s.rotation(0, 1), s.rotation(0, 2), s.rotation(1, 0), s.rotation(1, 1), s.rotation(1, 2),
+          s.rotation(2, 0), s.rotation(2, 1), s.rotation(2, 2)};
+      for (int k = 0; k < kRows; ++k) sum[k] += w * row[k];
+    }
+  }
+  const double scale = 1 / sum[0];
+  for (double& v : sum) v *= scale;
+  const Vec3 p(sum[1], sum[2], sum[3]), u(sum[4], sum[5], sum[6]);
+  // C = sum w (p - p*)(q - q*)^T with q = p + u.
+  Mat3 c = Eigen::Map<const Mat3>(sum.data() + 7) - p * u.transpose();
+  const double* pp = sum.data() + 16;
+  Mat3 spread;
+  spread << pp[0], pp[1], pp[2], pp[1], pp[3], pp[4], pp[2], pp[4], pp[5];
+  c += spread - p * p.transpose();
+  const Mat3 frames = Eigen::Map<const Mat3>(sum.data() + 22);  // column-major read of row-major R: sum w R^T
+  const double size = c.norm();
+  // A single sample in reach has no spread: its frame alone decides.
+  const Mat3 r = numeric::kabsch(size > 0 ? Mat3(c / size + 0.3 * frames) : frames);
+  return {Quat(r), u - (r * p - p)};
+}
+
+}  // namespace fielddeform::gffd::detail

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <fielddeform/gffd/detail/local_motion.h>
+#include <fielddeform/skeleton/frames.h>
+
+#include <vector>
+
+namespace fielddeform::gffd::detail {
+
+/// Moving least squares of rigid motions over the samples of a skeleton, with their frames. [Schaefer et al. 2006 for
+/// the rigid fit; weights and frames: docs/tracking.md]
+///   w_j ~ a_j exp(-8 |P - p_j| / r_j);   R = Kabsch(C + 0.3 |C| sum w R_j^T)
+class MlsPredictor {
+ public:
+  explicit MlsPredictor(const skeleton::SampledPair& samples);
+  /// The motion near `point` (world).
+  LocalMotion at(const Vec3& point) const;
+
+ private:
+  struct Sample {
+    Vec3 rest, move;   // q - p
+    double mass, inverseRadius;
+    Mat3 rotation;
+  };
+  struct Block {
+    Vec3 centre;
+    double radius, inverseRadiusMax, inverseRadiusMin;
+    Index begin, end;
+  };
+  std::vector<Sample> samples_;
+  std::vector<Block> blocks_;
+};
+
+}  // namespace fielddeform::gffd::detail

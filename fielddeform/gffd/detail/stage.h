@@ -1,0 +1,67 @@
+#pragma once
+
+#include <fielddeform/gffd/detail/axial.h>
+#include <fielddeform/gffd/detail/correspondence.h>
+#include <fielddeform/gffd/detail/mls.h>
+#include <fielddeform/gffd/options.h>
+
+#include <memory>
+#include <optional>
+
+namespace fielddeform::gffd::detail {
+
+/// What the rest skeleton alone decides; shared by every pose that moves the same primitives.
+struct Embedding {
+  std::shared_ptr<const field::Field> field;   ///< of the whole rest skeleton: the values that are kept
+  std::shared_ptr<const field::Field> moving;  ///< of its moving part; the same object if nothing is removed; may be null
+  std::vector<Index> movingIndex;              ///< the rest primitives that are not removed
+  double radius = 0;                           ///< R of `field`
+};
+
+/// One vertex on its way: where it was predicted, where it ended, and how well.
+struct Tracked {
+  Vec3 safe, position;
+  Status status = Status::Converged;
+  double residual = 0;
+};
+
+/// The value a bound point keeps, in units of R, and its share of influence.
+struct Value {
+  double level = 0;   ///< D / R at rest
+  double share = 0;   ///< s = clamp(1 - D_moving / R, 0, 1)
+};
+
+/// One pose change: predictor and corrector from one skeleton to the next.
+class Stage {
+ public:
+  Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, const Options& options);
+
+  /// The motion of space near a point, by the predictor.
+  /// @param level  the point's D / R; saves a search where it alone tells that the skeleton is far
+  LocalMotion motionAt(const Vec3& point, double level) const;
+  Tracked track(const Vec3& rest, const Value& value) const;
+  /// |D - D*| at a position of a point that started at `rest`.
+  double residual(const Vec3& rest, const Value& value, const Vec3& position) const;
+
+  const field::Field& posedField() const noexcept { return *posed_; }
+  /// A rigid motion that carries the whole moving part to 1e-12 of its size, if there is one.
+  const std::optional<Rigid>& rigid() const noexcept { return rigid_; }
+
+ private:
+  double weight(const Value& value) const;
+  Vec3 predict(const Vec3& rest, const Value& value, double weight) const;
+  double target(const Vec3& predicted, const Value& value, double weight) const;
+  Tracked correct(const Vec3& predicted, double target) const;
+  void findRigid(const skeleton::SampledPair& samples, const MovingPart& part, const skeleton::SkeletonPair& pair);
+
+  Options options_;
+  std::shared_ptr<const field::Field> posed_;
+  std::optional<MlsPredictor> mls_;
+  std::optional<AxialPredictor> axial_;
+  std::optional<Rigid> rigid_;
+  double radius_ = 0;     // R of the posed field
+  double tolerance_ = 0;  // world
+  bool levelBoundsNearness_ = false;
+};
+
+}  // namespace fielddeform::gffd::detail

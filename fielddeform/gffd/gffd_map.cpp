@@ -1,0 +1,263 @@
+#include <fielddeform/core/parallel.h>
+#include <fielddeform/gffd/detail/binding.h>
+#include <fielddeform/gffd/detail/paper.h>
+#include <fielddeform/gffd/detail/stage.h>
+#include <fielddeform/gffd/gffd_map.h>
+#include <fielddeform/map/rbf_warp.h>
+#include <fielddeform/skeleton/interpolate.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace fielddeform::gffd {
+
+using detail::Embedding;
+using detail::GffdBinding;
+using detail::Stage;
+using detail::Tracked;
+using detail::Value;
+
+namespace {
+
+constexpr std::size_t kGrain = 256;
+constexpr int kPaperIterations = 10;       // times Options::maxIterations
+constexpr std::size_t kWarpCentres = 2000;  // dense solve
+
+bool asPrinted(Predictor p) { return p == Predictor::Gradient || p == Predictor::Warp; }
+
+// A pose on the way stands in the posed skeleton's order.
+skeleton::SkeletonPair stepOf(const skeleton::SkeletonPair& pair, int i, skeleton::Skeleton from, skeleton::Skeleton to) {
+  skeleton::SkeletonPair step{std::move(from), std::move(to), pair.pairs};
+  for (auto& p : step.pairs)
+    if (i > 1) p.rest = p.posed;
+  return step;
+}
+
+bool allMatched(const skeleton::SkeletonPair& pair) {
+  for (const auto& p : pair.pairs)
+    if (p.kind != skeleton::PairKind::Matched) return false;
+  return true;
+}
+
+}  // namespace
+
+struct GffdMap::Impl {
+  ResolvedOptions resolved;
+  std::shared_ptr<const Embedding> embedding;
+  std::vector<std::shared_ptr<const Stage>> stages;
+  std::shared_ptr<const map::RbfWarp> warp;
+  bool identity = false;
+
+  Impl(ResolvedOptions r, std::shared_ptr<const Embedding> e) : resolved(std::move(r)), embedding(std::move(e)) {
+    const Options& options = resolved.options;
+    const auto& pair = resolved.skeletons;
+    // Poses on the way exist only where every primitive has its correspondence.
+    const int steps = allMatched(pair) && !asPrinted(options.predictor) ? options.substeps : 1;
+    std::shared_ptr<const Embedding> from = embedding;
+    skeleton::Skeleton last = pair.rest;
+    for (int i = 1; i <= steps; ++i) {
+      skeleton::Skeleton next = i == steps ? pair.posed
+                                           : skeleton::interpolatePose(pair, static_cast<double>(i) / steps);
+      const skeleton::SkeletonPair step = stepOf(pair, i, last, next);
+      if (i > 1) from = detail::makeEmbedding(step, options.field);
+      stages.push_back(std::make_shared<const Stage>(*from, step, options));
+      last = std::move(next);
+    }
+    identity = steps == 1 && stages[0]->rigid() && stages[0]->rigid()->translation.isZero(0) &&
+               stages[0]->rigid()->rotation.isApprox(Quat::Identity(), 0) && unedited();
+    if (options.predictor == Predictor::Warp && !identity) makeWarp();
+  }
+
+  // The rigid motion of an empty moving part is the identity too, but its field changed.
+  bool unedited() const { return allMatched(resolved.skeletons); }
+
+  void makeWarp() {
+    const detail::WarpPairs pairs = detail::warpPairs(resolved.skeletons);
+    if (pairs.rest.empty())
+      throw std::invalid_argument("track is 'warp', but no primitive has corresponding points; expected at least one pair");
+    if (pairs.rest.size() > kWarpCentres)
+      throw std::invalid_argument(fmt::format("track is 'warp' with {} corresponding points, expected at most {}",
+                                              pairs.rest.size(), kWarpCentres));
+    warp = std::make_shared<const map::RbfWarp>(pairs.rest, pairs.posed);
+  }
+
+  Tracked track(const Vec3& rest, const Value& value) const {
+    const Options& o = resolved.options;
+    if (asPrinted(o.predictor)) return trackPrinted(rest, value);
+    Tracked t{rest, rest, Status::Converged, 0};
+    for (const auto& stage : stages) t = stage->track(t.position, value);
+    return t;
+  }
+
+  Tracked trackPrinted(const Vec3& rest, const Value& value) const {
+    const Options& o = resolved.options;
+    const field::Field& posed = stages.back()->posedField();
+    const double target = value.level * posed.referenceRadius(), tolerance = o.tolerance * posed.referenceRadius();
+    const auto warped = [&](const Vec3& p) -> Vec3 { return warp->evaluate(p); };
+    if (!o.corrector) {  // eq (5) alone
+      const Vec3 p = warp ? warped(rest) : rest;
+      const double r = std::abs(posed.evaluate(p).pseudoDistance - target);
+      return {p, p, r < tolerance ? Status::Converged : Status::Stalled, r};
+    }
+    // Eq (6): the direction is that of the vertex and its warped position, the same all the way.
+    Vec3 along = warp ? Vec3(warped(rest) - rest) : Vec3::Zero();
+    if (const double l = along.norm(); l > 0) along /= l;
+    const auto direction = [&](const Vec3& p) -> Vec3 { return warp ? along : detail::gradientDirection(posed, p); };
+    return detail::trackAsPrinted(posed, direction, rest, target, tolerance, kPaperIterations * o.maxIterations);
+  }
+};
+
+namespace {
+
+const GffdBinding& own(const map::Binding& binding, const Embedding& embedding) {
+  const auto* b = dynamic_cast<const GffdBinding*>(&binding);
+  if (!b || b->embedding.get() != &embedding)
+    throw std::invalid_argument("the binding was made by another map, expected one of this map or a re-pose of it");
+  return *b;
+}
+
+template <class T>
+void checkSize(const char* name, std::span<T> span, std::size_t n, bool optional = true) {
+  if (span.size() != n && !(optional && span.empty()))
+    throw std::invalid_argument(fmt::format("{} has {} elements, expected {}", name, span.size(), n));
+}
+
+}  // namespace
+
+GffdMap::GffdMap(ResolvedOptions resolved) {
+  resolved.options.validate();
+  if (resolved.options.predictor == Predictor::Auto || resolved.options.falloff == Falloff::Auto)
+    throw std::invalid_argument("options still hold 'auto', expected the result of gffd::resolve");
+  if (!resolved.embedding) resolved.embedding = detail::makeEmbedding(resolved.skeletons, resolved.options.field);
+  auto embedding = resolved.embedding;
+  impl_ = std::make_shared<const Impl>(std::move(resolved), std::move(embedding));
+}
+GffdMap::GffdMap(std::shared_ptr<const Impl> impl) : impl_(std::move(impl)) {}
+GffdMap::~GffdMap() = default;
+GffdMap::GffdMap(const GffdMap&) = default;
+GffdMap& GffdMap::operator=(const GffdMap&) = default;
+
+const ResolvedOptions& GffdMap::resolved() const noexcept { return impl_->resolved; }
+bool GffdMap::isIdentity() const noexcept { return impl_->identity; }
+
+std::shared_ptr<const map::Binding> GffdMap::bind(Points rest) const {
+  return detail::bindPoints(impl_->embedding, rest);
+}
+
+std::shared_ptr<const map::Binding> GffdMap::bindMidpoints(const map::Binding& binding, Points rest,
+                                                           std::span<const std::array<Index, 2>> ends) const {
+  const GffdBinding& b = own(binding, *impl_->embedding);
+  std::vector<Vec3> middle(ends.size());
+  for (std::size_t i = 0; i < ends.size(); ++i) middle[i] = 0.5 * (rest[ends[i][0]] + rest[ends[i][1]]);
+  auto out = detail::bindPoints(impl_->embedding, middle);
+  if (impl_->resolved.options.midpointValue == MidpointValue::Mean) {
+    for (std::size_t i = 0; i < ends.size(); ++i) {
+      const double mean = 0.5 * (b.level[ends[i][0]] + b.level[ends[i][1]]);
+      if (std::isfinite(mean)) out->level[i] = mean;
+    }
+  }
+  return out;
+}
+
+void GffdMap::apply(const map::Binding& binding, map::MapOutput out, Progress& progress) const {
+  const GffdBinding& b = own(binding, *impl_->embedding);
+  const std::size_t n = b.size();
+  checkSize("position", out.position, n);
+  checkSize("safe", out.safe, n);
+  checkSize("status", out.status, n);
+  checkSize("residual", out.residual, n);
+  const Impl& impl = *impl_;
+  parallelFor(n, kGrain, progress, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Tracked t{b.rest[i], b.rest[i], Status::Fixed, 0};
+      if (!b.rest[i].allFinite()) t.status = Status::Invalid;
+      else if (b.movable(i) && !impl.identity) t = impl.track(b.rest[i], b.value(i));
+      if (!out.position.empty()) out.position[i] = t.position;
+      if (!out.safe.empty()) out.safe[i] = t.safe;
+      if (!out.status.empty()) out.status[i] = t.status;
+      if (!out.residual.empty()) out.residual[i] = static_cast<float>(t.residual);
+    }
+  });
+}
+
+void GffdMap::jacobians(const map::Binding& binding, std::span<Mat3> out) const {
+  const GffdBinding& b = own(binding, *impl_->embedding);
+  checkSize("out", out, b.size(), false);
+  const double h = 1e-5 * impl_->embedding->radius;
+  const Impl& impl = *impl_;
+  parallelFor(b.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      out[i].setIdentity();
+      if (!b.rest[i].allFinite() || !b.movable(i) || impl.identity) continue;
+      for (int k = 0; k < 3; ++k) {
+        const Vec3 forward = b.rest[i] + h * Vec3::Unit(k), backward = b.rest[i] - h * Vec3::Unit(k);
+        const Vec3 f = impl.track(forward, detail::bindOne(*impl.embedding, forward)).position;
+        const Vec3 g = impl.track(backward, detail::bindOne(*impl.embedding, backward)).position;
+        out[i].col(k) = (f - g) / (forward - backward).sum();
+      }
+    }
+  });
+}
+
+void GffdMap::residuals(const map::Binding& binding, std::span<const Index> points, Points position,
+                        std::span<float> out) const {
+  const GffdBinding& b = own(binding, *impl_->embedding);
+  checkSize("position", position, points.size(), false);
+  checkSize("out", out, points.size(), false);
+  const Impl& impl = *impl_;
+  parallelFor(points.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const Index i = points[k];
+      out[k] = 0;
+      if (!b.rest[i].allFinite() || !b.movable(i) || impl.identity) continue;
+      Vec3 start = b.rest[i];
+      for (std::size_t s = 0; s + 1 < impl.stages.size(); ++s) start = impl.stages[s]->track(start, b.value(i)).position;
+      out[k] = static_cast<float>(impl.stages.back()->residual(start, b.value(i), position[k]));
+    }
+  });
+}
+
+GffdMap GffdMap::withPose(skeleton::Skeleton posed) const {
+  ResolvedOptions resolved = impl_->resolved;
+  const auto& rest = resolved.skeletons.rest;
+  for (auto& p : posed.primitives)
+    if (const auto* r = rest.find(p.name); r && !p.radius && p.pointRadius.empty()) p.radius = r->radius;
+  resolved.skeletons = skeleton::pairSkeletons(rest, std::move(posed));
+  if (detail::movingPart(resolved.skeletons).restIndex != impl_->embedding->movingIndex)
+    throw std::invalid_argument("the pose removes other primitives than the map's own pose, expected a new map");
+  resolved.embedding = impl_->embedding;
+  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding));
+}
+
+GffdMap GffdMap::withSubsteps(int substeps) const {
+  ResolvedOptions resolved = impl_->resolved;
+  resolved.options.substeps = substeps;
+  resolved.options.validate();
+  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding));
+}
+
+std::size_t GffdMap::countPierced(const map::Binding& binding) const {
+  const GffdBinding& b = own(binding, *impl_->embedding);
+  if (impl_->identity) return 0;
+  const field::Field& posed = impl_->stages.back()->posedField();
+  return deterministicReduce(
+      b.size(), kGrain, std::size_t{0},
+      [&](std::size_t begin, std::size_t end) {
+        std::size_t count = 0;
+        for (std::size_t i = begin; i < end; ++i)
+          if (b.rest[i].allFinite() && !b.movable(i)) count += posed.evaluate(b.rest[i]).inside;
+        return count;
+      },
+      [](std::size_t x, std::size_t y) { return x + y; });
+}
+
+std::size_t GffdMap::countMovable(const map::Binding& binding) const {
+  const GffdBinding& b = own(binding, *impl_->embedding);
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < b.size(); ++i) count += b.movable(i);
+  return count;
+}
+
+}  // namespace fielddeform::gffd

@@ -1,0 +1,34 @@
+#include <fielddeform/core/error.h>
+#include <fielddeform/gffd/options.h>
+
+namespace fielddeform::gffd {
+
+void Options::validate() const {
+  requirePositive("tolerance", tolerance);
+  requireInRange("maxIterations", maxIterations, 1, 100000);
+  requirePositive("falloffBand", falloffBand);
+  requireInRange("falloffBand", falloffBand, 0, 1);
+  requireInRange("substeps", substeps, 1, 64);
+  if (radius) requirePositive("radius", *radius);
+  requirePositive("autoRadiusFactor", autoRadiusFactor);
+  field.validate();
+}
+
+std::string_view toString(Predictor predictor) noexcept {
+  switch (predictor) {
+    case Predictor::Auto: return "auto";
+    case Predictor::Mls: return "mls";
+    case Predictor::Axial: return "axial";
+    case Predictor::Warp: return "warp";
+    case Predictor::Gradient: return "gradient";
+  }
+  return "auto";
+}
+
+std::optional<Predictor> predictorFromString(std::string_view word) noexcept {
+  for (const Predictor p : {Predictor::Auto, Predictor::Mls, Predictor::Axial, Predictor::Warp, Predictor::Gradient})
+    if (word == toString(p)) return p;
+  return std::nullopt;
+}
+
+}  // namespace fielddeform::gffd
