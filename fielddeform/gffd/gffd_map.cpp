@@ -95,7 +95,7 @@ struct GffdMap::Impl {
     const Options& o = resolved.options;
     const field::Field& posed = stages.back()->posedField();
     const double target = value.level * posed.referenceRadius(), tolerance = o.tolerance * posed.referenceRadius();
-    const auto warped = [&](const Vec3& p) -> Vec3 { return warp->evaluate(p); };
+    const auto warped = [&](const Vec3& p) -> Vec3 { return warp->position(p); };
     if (!o.corrector) {  // eq (5) alone
       const Vec3 p = warp ? warped(rest) : rest;
       const double r = std::abs(posed.evaluate(p).pseudoDistance - target);
