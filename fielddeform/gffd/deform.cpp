@@ -1,11 +1,15 @@
+#include <fielddeform/core/parallel.h>
 #include <fielddeform/gffd/deform.h>
 #include <fielddeform/mesh/quality.h>
 #include <fmt/format.h>
 
-#include <optional>
+#include <algorithm>
+#include <cmath>
 
 namespace fielddeform::gffd {
 namespace {
+
+constexpr double kTear = 1.5;  // times the greatest stretch of the sample
 
 Deformed attempt(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
   const std::size_t n = rest.vertexCount();
@@ -25,6 +29,26 @@ Deformed attempt(const mesh::Mesh& rest, const GffdMap& map, const map::Binding&
   return d;
 }
 
+// Greatest ratio of posed to rest length over the edges of all faces.
+double greatestStretch(const mesh::Mesh& rest, Points posed) {
+  return deterministicReduce(
+      rest.faceCount(), 8192, 0.0,
+      [&](std::size_t begin, std::size_t end) {
+        double greatest = 0;
+        for (std::size_t f = begin; f < end; ++f) {
+          const auto c = rest.face(f);
+          for (std::size_t k = 0; k < c.size(); ++k) {
+            const Index a = c[k], b = c[(k + 1) % c.size()];
+            const double before = (rest.positions()[b] - rest.positions()[a]).squaredNorm();
+            const double ratio = (posed[b] - posed[a]).squaredNorm() / before;
+            if (before > 0 && ratio > greatest) greatest = ratio;
+          }
+        }
+        return std::sqrt(greatest);
+      },
+      [](double a, double b) { return std::max(a, b); });
+}
+
 }  // namespace
 
 void refreshResiduals(const GffdMap& map, const map::Binding& binding, Deformed& d) {
@@ -38,17 +62,36 @@ void refreshResiduals(const GffdMap& map, const map::Binding& binding, Deformed&
 Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
   Deformed best = attempt(rest, map, binding, progress);
   const Options& options = map.resolved().options;
-  if (best.folds == 0 || !options.retry) return best;
-  const std::size_t first = best.folds;
-  const int before = options.substeps;
+  if (!options.retry || map.isIdentity()) return best;
+  const auto name = [](const Deformed& d) {
+    const Options& o = d.map.resolved().options;
+    return fmt::format("{} in {} substep{} with {} folded edges", toString(o.predictor), o.substeps,
+                       o.substeps == 1 ? "" : "s", d.folds);
+  };
+  std::string tried;
+  const auto attemptAlso = [&](const GffdMap& other) {
+    if (tried.empty()) tried = name(best);
+    Deformed next = attempt(rest, other, binding, progress);
+    tried += "; " + name(next);
+    return next;
+  };
+  // The predictor was chosen on a sample; a tear that the sample missed shows on the whole surface.
+  const ResolvedOptions& resolved = map.resolved();
+  if (resolved.predictorWasAutomatic && options.predictor == Predictor::Axial) {
+    const double stretch = greatestStretch(rest, best.position);
+    if (best.folds > 0 || stretch > kTear * std::max(1.0, resolved.sampledStretch)) {
+      Deformed next = attemptAlso(map.withPredictor(Predictor::Mls));
+      if (next.folds < best.folds || (next.folds == best.folds && greatestStretch(rest, next.position) < stretch))
+        best = std::move(next);
+    }
+  }
+  const GffdMap chosen = best.map;
   for (const int substeps : {2, 4}) {
-    if (substeps <= before || best.folds == 0) continue;
-    Deformed next = attempt(rest, map.withSubsteps(substeps), binding, progress);
+    if (substeps <= options.substeps || best.folds == 0) continue;
+    Deformed next = attemptAlso(chosen.withSubsteps(substeps));
     if (next.folds < best.folds) best = std::move(next);
   }
-  const int kept = best.map.resolved().options.substeps;
-  best.retry = fmt::format("{} folded edges in {} substep{}, retried with 2 and 4: kept {} with {}", first, before,
-                           before == 1 ? "" : "s", kept, best.folds);
+  if (!tried.empty()) best.retry = fmt::format("tried {}; kept {}", tried, name(best));
   return best;
 }
 

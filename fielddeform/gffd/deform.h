@@ -15,12 +15,12 @@ struct Deformed {
   std::vector<float> residual;     ///< #V, world units
   GuardReport guard;
   std::size_t folds = 0;           ///< folded edges (mesh/quality.h) against the rest mesh
-  GffdMap map;                     ///< the map that made it: with another substep count after a retry
+  GffdMap map;                     ///< the map that made it: with another predictor or substep count after a retry
   std::string retry;               ///< one sentence on what the retry did, empty if there was none
 };
 
-/// Tracks the vertices of a mesh: applies the map, guards the surface, and where it folded tries more substeps,
-/// keeping the attempt with the fewest folds.
+/// Tracks the vertices of a mesh: applies the map, guards the surface, and where it folded or tore tries MLS (if the
+/// predictor had been chosen automatically) and more substeps, keeping the attempt with the fewest folds.
 /// @param binding  of the mesh's positions, by `map` or a re-pose of it
 /// @throw Cancelled
 Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress);

@@ -238,6 +238,13 @@ GffdMap GffdMap::withSubsteps(int substeps) const {
   return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding));
 }
 
+GffdMap GffdMap::withPredictor(Predictor predictor) const {
+  if (predictor == Predictor::Auto) throw std::invalid_argument("predictor is 'auto', expected a resolved one");
+  ResolvedOptions resolved = impl_->resolved;
+  resolved.options.predictor = predictor;
+  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding));
+}
+
 std::size_t GffdMap::countPierced(const map::Binding& binding) const {
   const GffdBinding& b = own(binding, *impl_->embedding);
   if (impl_->identity) return 0;

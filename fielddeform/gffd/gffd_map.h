@@ -37,6 +37,8 @@ class GffdMap final : public map::SpaceMap {
   GffdMap withPose(skeleton::Skeleton posed) const;
   /// The same edit tracked in n substeps; bindings stay valid.
   GffdMap withSubsteps(int substeps) const;
+  /// The same edit by another predictor (not Auto); bindings stay valid.
+  GffdMap withPredictor(Predictor predictor) const;
 
   const ResolvedOptions& resolved() const noexcept;
   /// True if every bound point comes back as it went in (nothing was edited).

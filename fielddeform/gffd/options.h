@@ -14,7 +14,7 @@ namespace fielddeform::gffd {
 
 /// How a vertex is carried before (or instead of) the field correction. docs/tracking.md compares them.
 enum class Predictor : std::uint8_t {
-  Auto,      ///< resolved once: Axial where it is safe and better, else Mls
+  Auto,      ///< resolved once: Axial where it folds and stretches the surface no more than Mls, else Mls
   Mls,       ///< moving least squares, rigid, with frames
   Axial,     ///< closest frame on the skeleton
   Warp,      ///< the paper's eqs (4)-(6): Fig. 5 along warp directions
@@ -65,6 +65,8 @@ struct ResolvedOptions {
   Options options;                  ///< predictor never Auto, falloff never Auto
   skeleton::SkeletonPair skeletons{}; ///< every primitive has a radius
   bool radiusWasAutomatic = false;
+  bool predictorWasAutomatic = false;
+  double sampledStretch = 0;        ///< greatest edge stretch of the chosen predictor on the sample; 0: not sampled
   double referenceRadius = 0;       ///< R of the rest skeleton, world
   std::string predictorReason{};    ///< one sentence for the report: why this predictor
   std::shared_ptr<const detail::Embedding> embedding{};  ///< fields made on the way, reused by the map; may be null

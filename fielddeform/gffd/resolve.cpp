@@ -13,6 +13,7 @@ namespace fielddeform::gffd {
 namespace {
 
 constexpr std::size_t kSamplePoints = 4096;
+constexpr std::size_t kAxialPrimitives = 8;  // the closest frame costs a search in every one
 
 // Greatest distance from a mesh's vertices to the nearest primitive.
 double greatestDistance(const mesh::Mesh& mesh, skeleton::Skeleton skeleton, const field::FieldOptions& options) {
@@ -131,9 +132,11 @@ void choosePredictor(ResolvedOptions& r, const mesh::Mesh& mesh) {
     return;
   }
   r.options.predictor = Predictor::Mls;
+  r.predictorWasAutomatic = true;
   const auto& pairs = r.skeletons.pairs;
-  if (pairs.size() != 1 || pairs[0].kind != skeleton::PairKind::Matched) {
-    r.predictorReason = pairs.size() != 1 ? "several primitives" : "the primitive has no correspondence";
+  const auto matched = [](const skeleton::PrimitivePair& p) { return p.kind == skeleton::PairKind::Matched; };
+  if (pairs.size() > kAxialPrimitives || !std::all_of(pairs.begin(), pairs.end(), matched)) {
+    r.predictorReason = pairs.size() > kAxialPrimitives ? "many primitives" : "not every primitive has a correspondence";
     return;
   }
   if (mesh.vertexCount() == 0) {
@@ -144,6 +147,7 @@ void choosePredictor(ResolvedOptions& r, const mesh::Mesh& mesh) {
   const Trial mls = tryPredictor(Predictor::Mls, r, sample), axial = tryPredictor(Predictor::Axial, r, sample);
   const bool better = axial.folds <= mls.folds && axial.stretch <= 1.1 * mls.stretch;
   if (better) r.options.predictor = Predictor::Axial;
+  r.sampledStretch = better ? axial.stretch : mls.stretch;
   r.predictorReason = fmt::format("on {} sampled vertices axial has {} folds and stretch {:.3g}, mls {} and {:.3g}",
                                   sample.vertexCount(), axial.folds, axial.stretch, mls.folds, mls.stretch);
 }
