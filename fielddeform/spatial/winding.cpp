@@ -11,7 +11,7 @@ namespace fielddeform::spatial {
 namespace {
 
 constexpr double kInverseFourPi = 0x1.45f306dc9c883p-4;  // 1 / (4 pi)
-constexpr double kBeta = 3;      // a group is far beyond this many radii
+constexpr double kBeta = 2;      // a group is far beyond this many radii
 constexpr double kFar = 0x1p300;
 constexpr std::uint32_t kLeafSize = 8;
 
@@ -29,15 +29,36 @@ struct WindingNumber::Impl {
   std::vector<Vec3> vertex;                   // by leaf slot, 3 each
   std::vector<std::array<Dipole, 2>> dipole;  // by node and side
 
-  double exactRange(const Vec3& q, std::size_t begin, std::size_t end) const {
-    double sum = 0;
-    for (std::size_t s = begin; s < end; ++s)
-      sum += detail::solidAngle(q, vertex[3 * s], vertex[3 * s + 1], vertex[3 * s + 2]);
-    return sum;
-  }
+  double exactRange(const Vec3& q, std::size_t begin, std::size_t end) const;
   Dipole dipoleOf(std::size_t begin, std::size_t end) const;
   void makeDipoles();
 };
+
+// Sum of solid angles. Half angles add as complex numbers multiply, so that one atan2 serves several triangles: as many
+// as surely stay together below pi.
+double WindingNumber::Impl::exactRange(const Vec3& q, std::size_t begin, std::size_t end) const {
+  double sum = 0, real = 1, imaginary = 0, bound = 0;
+  for (std::size_t s = begin; s < end; ++s) {
+    const detail::HalfAngle h = detail::halfSolidAngle(q, vertex[3 * s], vertex[3 * s + 1], vertex[3 * s + 2]);
+    const double tangent = h.cosine > 0 ? std::abs(h.sine) / h.cosine : 4;  // not below the angle
+    if (bound + tangent > 3) {
+      sum += numeric::atan2(imaginary, real);
+      real = 1;
+      imaginary = bound = 0;
+    }
+    if (tangent > 3) {
+      sum += h.sine == 0 ? 0 : numeric::atan2(h.sine, h.cosine);
+      continue;
+    }
+    // Scaled to a cosine of one: products of small numbers would underflow.
+    const double t = h.sine / h.cosine;
+    const double r = real - imaginary * t;
+    imaginary += real * t;
+    real = r;
+    bound += tangent;
+  }
+  return 2 * (sum + numeric::atan2(imaginary, real));
+}
 
 Dipole WindingNumber::Impl::dipoleOf(std::size_t begin, std::size_t end) const {
   Dipole d;

@@ -9,8 +9,8 @@ namespace fielddeform::spatial {
 
 /// Generalised winding number of a triangle soup: 1 inside a closed, outward oriented surface, 0 outside, between them
 /// near gaps; so "inside" survives small holes, slits and overlaps. Near triangles are summed exactly, far groups by
-/// their dipole. [Jacobson et al. 2013; Barill et al. 2018, first order, beta = 3]
-/// Error below about 0.02; on the surface any value between. Immutable and safe to use from many threads; the same bits on
+/// their dipole. [Jacobson et al. 2013; Barill et al. 2018, first order, beta = 2]
+/// Error below about 0.1 (exact near the surface); on the surface any value between. Immutable and safe to use from many threads; the same bits on
 /// every machine; scaling mesh and query by a power of two changes none.
 class WindingNumber {
  public:

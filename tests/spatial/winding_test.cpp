@@ -16,7 +16,7 @@ TEST(WindingNumber, IsOneInsideAndZeroOutside) {
     const double r = p.norm();
     if (r > 0.99 && r < 1.001) continue;  // the faceted surface itself
     EXPECT_NEAR(w.exactAt(p), r < 1 ? 1 : 0, 1e-12);
-    EXPECT_NEAR(w.at(p), r < 1 ? 1 : 0, 0.02);
+    EXPECT_NEAR(w.at(p), r < 1 ? 1 : 0, 0.1);
   }
 }
 
@@ -31,7 +31,7 @@ TEST(WindingNumber, HierarchyAgreesWithTheSum) {
   const WindingNumber w(s.points, s.triangles);
   for (std::uint64_t i = 0; i < 1000; ++i) {
     const Vec3 p = randomPoint(3, i, 2);
-    EXPECT_NEAR(w.at(p), w.exactAt(p), 0.02);
+    EXPECT_NEAR(w.at(p), w.exactAt(p), 0.1);
   }
 }
 
@@ -57,7 +57,7 @@ TEST(WindingNumber, DoesNotSeePowersOfTwoNorDistanceFromTheOrigin) {
   for (std::uint64_t i = 0; i < 500; ++i) {
     const Vec3 p = randomPoint(6, i, 1.5);
     EXPECT_EQ(a.at(p), b.at(1024 * p));
-    EXPECT_NEAR(a.at(p), c.at(p + Vec3(1e4, 2e4, -1e4)), 0.02);
+    EXPECT_NEAR(a.at(p), c.at(p + Vec3(1e4, 2e4, -1e4)), 0.1);
   }
 }
 

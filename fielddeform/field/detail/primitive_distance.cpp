@@ -72,6 +72,7 @@ PrimitiveDistance::PrimitiveDistance(const skeleton::Primitive& p)
   tree_.emplace(treeOf(p, elements_));
   if (p.type == PrimitiveType::Mesh && p.closed) {
     winding_.emplace(p.points, elements_);
+    for (const Vec3& x : p.points) box_.extend(x);
     orientation_ = orientationOf(p.points, elements_);
   }
 }
@@ -82,7 +83,7 @@ std::optional<PrimitiveHit> PrimitiveDistance::closest(const Vec3& point, double
   const spatial::ClosestPoint c = tree_->closest(point, query);
   if (c.element == kNoIndex) return std::nullopt;
   PrimitiveHit hit;
-  const bool inside = isSigned() && std::abs(winding_->at(point)) > 0.5;
+  const bool inside = isSigned() && box_.contains(point) && std::abs(winding_->at(point)) > 0.5;
   hit.point = c.point;
   hit.distance = inside ? -c.distance : c.distance;
   hit.direction = signedDirection(c, inside);

@@ -40,6 +40,7 @@ class PrimitiveDistance {
   double greatestRadius_;
   std::optional<spatial::ClosestTree> tree_;
   std::optional<spatial::WindingNumber> winding_;
+  Box box_;                                      // of a closed mesh: nothing beyond is inside
   double orientation_ = 1;                       // -1: the closed mesh is inside out
 };
 

@@ -83,13 +83,21 @@ inline SimplexHit onTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const 
   return best;
 }
 
-inline double solidAngle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
+// Half a solid angle as a vector that points its way, of any length.
+struct HalfAngle {
+  double sine, cosine;
+};
+
+inline HalfAngle halfSolidAngle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
   const Vec3 u = a - p, v = b - p, w = c - p;
   const double lu = u.norm(), lv = v.norm(), lw = w.norm();
   // From edges: the triple product of nearby corners seen from afar would cancel.
-  const double numerator = u.dot((b - a).cross(c - a));
-  const double denominator = lu * lv * lw + u.dot(v) * lw + v.dot(w) * lu + w.dot(u) * lv;
-  return numerator == 0 ? 0 : 2 * numeric::atan2(numerator, denominator);
+  return {u.dot((b - a).cross(c - a)), lu * lv * lw + u.dot(v) * lw + v.dot(w) * lu + w.dot(u) * lv};
+}
+
+inline double solidAngle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
+  const HalfAngle h = halfSolidAngle(p, a, b, c);
+  return h.sine == 0 ? 0 : 2 * numeric::atan2(h.sine, h.cosine);
 }
 
 }  // namespace fielddeform::spatial::detail
