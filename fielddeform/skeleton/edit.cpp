@@ -3,6 +3,7 @@
 #include <fielddeform/skeleton/detail/edit_target.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <stdexcept>
@@ -16,26 +17,27 @@ Quat turnAbout(const Vec3& axis, double angle) {
   return Quat(h.cos, v.x(), v.y(), v.z());
 }
 
-// The part of a twist that turns about a polyline's own tangent. Each segment adds its share of the turn times the cosine
-// between tangent and axis: a line along the axis takes up all of it, a line across nothing.
+// The part of a twist that turns about a polyline's own tangent. From the point nearest to the unturned section, each
+// segment adds its share of the turn times the cosine between tangent and axis: a line along the axis takes up all of
+// it, a line across nothing. The result does not depend on the line's direction, but for the sign of the tangent.
 void addRoll(Primitive& p, const std::vector<Vec3>& before, const EditMap& map) {
   const std::size_t n = p.points.size();
-  std::vector<double> roll(n, 0.0);
-  const auto cosine = [&](std::size_t a, std::size_t b) {
-    const Vec3 d = p.points[b] - p.points[a];
+  std::vector<double> angle(n), roll(n, 0.0);
+  std::size_t anchor = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    angle[i] = map.turnAngle(before[i]);
+    if (std::abs(angle[i]) < std::abs(angle[anchor])) anchor = i;
+  }
+  const auto cosine = [&](std::size_t i) {  // of segment i, from point i on
+    const Vec3 d = p.points[i + 1] - p.points[i];
     const double length = d.norm();
     return length > 0 ? map.turnAxis().dot(d) / length : 0.0;
   };
-  double angle = map.turnAngle(before[0]);
-  roll[0] = angle * cosine(0, 1);
-  bool any = roll[0] != 0;
-  for (std::size_t i = 1; i < n; ++i) {
-    const double next = map.turnAngle(before[i]);
-    roll[i] = roll[i - 1] + (next - angle) * cosine(i - 1, i);
-    angle = next;
-    any = any || roll[i] != 0;
-  }
-  if (!any) return;
+  const std::size_t in = anchor == 0 ? 0 : anchor - 1, out = anchor + 1 == n ? n - 2 : anchor;
+  roll[anchor] = angle[anchor] * 0.5 * (cosine(in) + cosine(out));
+  for (std::size_t i = anchor + 1; i < n; ++i) roll[i] = roll[i - 1] + (angle[i] - angle[i - 1]) * cosine(i - 1);
+  for (std::size_t i = anchor; i > 0; --i) roll[i - 1] = roll[i] + (angle[i - 1] - angle[i]) * cosine(i - 1);
+  if (std::all_of(roll.begin(), roll.end(), [](double r) { return r == 0; })) return;
   if (p.roll.empty()) p.roll.assign(n, 0.0);
   for (std::size_t i = 0; i < n; ++i) p.roll[i] += roll[i];
 }

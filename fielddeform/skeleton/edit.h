@@ -10,8 +10,8 @@ namespace fielddeform::skeleton {
 /// The straight line that bend, twist, taper and stretch work along. Its coordinate runs from 0 to 1 over the extent of
 /// the edited primitives at rest. Sections of the range [from, to] change; beyond it the space moves rigidly.
 struct Spine {
-  std::optional<Vec3> axis;   ///< direction, any length > 0; absent: the rule of "auto" (principal_axes.h)
-  std::optional<Vec3> pivot;  ///< the line passes through it and its section stays; absent: at `from`, through the centroid
+  std::optional<Vec3> axis{};   ///< direction, any length > 0; absent: the rule of "auto" (principal_axes.h)
+  std::optional<Vec3> pivot{};  ///< the line passes through it and its section stays; absent: at `from`, through the centroid
   double from = 0;            ///< 0 <= from < to
   double to = 1;              ///< to <= 1
 };
@@ -19,9 +19,9 @@ struct Spine {
 /// The line becomes an arc of the same length, sections turn with it. [Barr 1984, centred on the spine]
 struct Bend {
   Spine spine;
-  std::optional<double> angle;   ///< between the ends of the range, radians, right-handed about `about`
-  std::optional<double> radius;  ///< of the arc, world units, not 0, negative: the other way; instead of the angle
-  std::optional<Vec3> about;     ///< axis of the turn, not along the spine (made perpendicular); absent: auto
+  std::optional<double> angle{};   ///< between the ends of the range, radians, right-handed about `about`
+  std::optional<double> radius{};  ///< of the arc, world units, not 0, negative: the other way; instead of the angle
+  std::optional<Vec3> about{};     ///< axis of the turn, not along the spine (made perpendicular); absent: auto
 };
 /// Sections turn about the line; polylines take up the turn as roll.
 struct Twist {
@@ -44,13 +44,13 @@ struct Translate {
 };
 struct Rotate {
   double angle = 0;              ///< radians, right-handed
-  std::optional<Vec3> axis;      ///< absent: auto
-  std::optional<Vec3> pivot;     ///< absent: the centroid
+  std::optional<Vec3> axis{};      ///< absent: auto
+  std::optional<Vec3> pivot{};     ///< absent: the centroid
 };
 /// Scales along x, y, z. Three equal factors scale the radii, too; unequal ones leave them.
 struct Scale {
   Vec3 factor = Vec3::Ones();    ///< each > 0
-  std::optional<Vec3> pivot;     ///< absent: the centroid
+  std::optional<Vec3> pivot{};     ///< absent: the centroid
 };
 /// Moves some points of one primitive.
 struct MovePoints {

@@ -159,6 +159,16 @@ TEST(Edits, TwistTurnsSectionsAndRollsLinesAlongIt) {
   EXPECT_TRUE(sameBits(posed.primitives[0].points, s.primitives[0].points)) << "on the axis nothing moves";
 }
 
+TEST(Edits, RollOfATwistKnowsNoDirectionOfALine) {
+  Skeleton s = zLine(9), reversed = s;
+  for (std::uint64_t i = 0; i < 9; ++i) s.primitives[0].points[i] += somePoint(i, 0.4);
+  reversed.primitives[0].points.assign(s.primitives[0].points.rbegin(), s.primitives[0].points.rend());
+  const std::vector<Edit> edits = {edit(Twist{centred(), 2})};
+  const Skeleton a = applyEdits(s, edits), b = applyEdits(reversed, edits);
+  // About a tangent that runs the other way the same turn has the other sign.
+  for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(a.primitives[0].roll[i], -b.primitives[0].roll[8 - i], 1e-14);
+}
+
 TEST(Edits, TaperScalesSectionsAndRadii) {
   const EditMap map(zLine(), edit(Taper{centred(), 0.25}));
   EXPECT_LT((map(Vec3(0.4, 0.2, 1)) - Vec3(0.1, 0.05, 1)).norm(), 1e-16);
