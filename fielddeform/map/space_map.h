@@ -43,6 +43,10 @@ class SpaceMap {
   virtual std::shared_ptr<const Binding> bindMidpoints(const Binding& binding, Points rest,
                                                        std::span<const std::array<Index, 2>> ends) const;
 
+  /// Whether bindMidpoints() carries values of the ends over, so that it needs their binding. If not, it does the same as
+  /// bind() on the midpoints.
+  virtual bool midpointsInherit() const { return false; }
+
   /// Deforms the bound points.
   /// @throw std::invalid_argument if the binding is another map's, or a span has the wrong size
   /// @throw Cancelled

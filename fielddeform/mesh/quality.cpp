@@ -75,9 +75,24 @@ SharpCounts countSharp(const Mesh& mesh, Points rest, Points posed) {
       std::plus<>());
 }
 
-/// Largest cotangent of the triangle's angles: that of the smallest angle.
-double largestCotangent(const Vec3& a, const Vec3& b, const Vec3& c, double twiceArea) {
-  return std::max({(b - a).dot(c - a), (a - b).dot(c - b), (a - c).dot(b - c)}) / twiceArea;
+/// Smallest angle over the faces face(0) ... face(count - 1).
+template <class Face>
+double smallestAngleOf(const Mesh& mesh, Points positions, std::size_t count, Face&& face) {
+  const double none = -1;  // the largest of a triangle's cotangents is positive
+  const double cotangent = deterministicReduce(
+      count, kGrain, none,
+      [&](std::size_t begin, std::size_t end) {
+        double largest = none;
+        for (std::size_t i = begin; i < end; ++i)
+          mesh.forEachTriangle(face(i), [&](Index a, Index b, Index c) {
+            const Vec3 &p = positions[a], &q = positions[b], &r = positions[c];
+            const Vec3 n = detail::areaVector(p, q, r);
+            if (detail::hasArea(p, q, r, n)) largest = std::max(largest, detail::largestCotangent(p, q, r, n.norm()));
+          });
+        return largest;
+      },
+      [](double a, double b) { return std::max(a, b); });
+  return cotangent == none ? 0.0 : numeric::atan2(1.0, cotangent);
 }
 
 std::size_t flippedWith(const Mesh& mesh, Points rest, Points posed, std::span<const Mat3> jacobians) {
@@ -139,21 +154,12 @@ StretchReport edgeStretch(const EdgeTable& edges, Points rest, Points posed) {
 
 double smallestAngle(const Mesh& mesh, Points positions) {
   checkCount(mesh, positions.size(), "positions");
-  const double none = -1;  // the largest of a triangle's cotangents is positive
-  const double cotangent = deterministicReduce(
-      mesh.faceCount(), kGrain, none,
-      [&](std::size_t begin, std::size_t end) {
-        double largest = none;
-        for (std::size_t f = begin; f < end; ++f)
-          mesh.forEachTriangle(f, [&](Index a, Index b, Index c) {
-            const Vec3 &p = positions[a], &q = positions[b], &r = positions[c];
-            const Vec3 n = detail::areaVector(p, q, r);
-            if (detail::hasArea(p, q, r, n)) largest = std::max(largest, largestCotangent(p, q, r, n.norm()));
-          });
-        return largest;
-      },
-      [](double a, double b) { return std::max(a, b); });
-  return cotangent == none ? 0.0 : numeric::atan2(1.0, cotangent);
+  return smallestAngleOf(mesh, positions, mesh.faceCount(), [](std::size_t i) { return i; });
+}
+
+double smallestAngle(const Mesh& mesh, Points positions, std::span<const Index> faces) {
+  checkCount(mesh, positions.size(), "positions");
+  return smallestAngleOf(mesh, positions, faces.size(), [&](std::size_t i) { return faces[i]; });
 }
 
 QualityReport compareQuality(const Mesh& mesh, Points rest, Points posed) {

@@ -40,6 +40,8 @@ std::size_t countSharpEdges(const Mesh& mesh, Points positions);
 StretchReport edgeStretch(const EdgeTable& edges, Points rest, Points posed);
 /// Smallest angle of all triangles with area, radians; 0 if there are none.
 double smallestAngle(const Mesh& mesh, Points positions);
+/// The same of some faces.
+double smallestAngle(const Mesh& mesh, Points positions, std::span<const Index> faces);
 
 /// Triangles turned against the map's own rotation: the posed normal points against the one that the map's derivative
 /// gives it (the mean over the corners of cof(J) n), or the derivative reverses orientation at two or more corners.

@@ -62,6 +62,26 @@ inline Mesh sphere(int around, int down) {
   return Mesh(std::move(p), std::move(c), std::move(offsets));
 }
 
+/// Closed bar [-w/2, w/2]^2 x [0, length] of the given number of segments along z: 4 quads a segment and 2 caps.
+inline Mesh bar(int segments, double length, double width, int cornersPerFace = 3) {
+  std::vector<Vec3> p;
+  const double w = width / 2;
+  for (int j = 0; j <= segments; ++j)
+    for (int k = 0; k < 4; ++k)
+      p.emplace_back(k == 1 || k == 2 ? w : -w, k >= 2 ? w : -w, length * j / segments);
+  std::vector<Index> c{0, 3, 2, 1}, offsets{0};
+  for (int j = 0; j < segments; ++j)
+    for (int k = 0; k < 4; ++k) {
+      const auto a = static_cast<Index>(4 * j + k), b = static_cast<Index>(4 * j + (k + 1) % 4);
+      c.insert(c.end(), {a, b, b + 4, a + 4});
+    }
+  const auto top = static_cast<Index>(4 * segments);
+  c.insert(c.end(), {top, top + 1, top + 2, top + 3});
+  while (offsets.back() < c.size()) offsets.push_back(offsets.back() + 4);
+  const Mesh quads(p, c, offsets);
+  return cornersPerFace == 4 ? quads : Mesh(p, quads.triangles());
+}
+
 /// Pages that share one edge (0, 1): non-manifold from three pages on.
 inline Mesh book(int pages) {
   std::vector<Vec3> p{{0, 0, 0}, {0, 0, 1}};

@@ -23,4 +23,9 @@ inline bool hasArea(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& are
   return area.squaredNorm() > limit * limit && area.allFinite();
 }
 
+/// Largest cotangent of the triangle's angles: that of the smallest angle.
+inline double largestCotangent(const Vec3& a, const Vec3& b, const Vec3& c, double twiceArea) {
+  return std::max({(b - a).dot(c - a), (a - b).dot(c - b), (a - c).dot(b - c)}) / twiceArea;
+}
+
 }  // namespace fielddeform::mesh::detail
