@@ -16,10 +16,10 @@ enum class SpineShape : std::uint8_t {
 };
 
 struct SpineFitOptions {
-  std::size_t points = 33;          ///< evenly spaced along the axis, 2 to 100000
+  std::size_t points = 33;          ///< evenly spaced along the axis, 2 to 1000
   SpineShape shape = SpineShape::Curved;
   std::optional<Vec3> axis{};         ///< direction, any length > 0; absent: the rule of "auto"
-  int smoothing = 8;                ///< rounds of [1 2 1]/4 over the slices' sums before they are divided, 0 to 1000
+  double smoothing = 0.15;          ///< width (standard deviation) over which slices are averaged, in lengths, 0 to 0.5
   std::string name = "spine";
 };
 

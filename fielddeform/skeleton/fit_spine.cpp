@@ -111,9 +111,13 @@ Slices sliceVertices(const mesh::Mesh& mesh, const SliceGrid& grid) {
   return slices;
 }
 
-// Sums are smoothed, not their quotients, so that slices of little area have little say.
-void smooth(Slices& slices, int rounds) {
-  for (int r = 0; r < rounds; ++r) {
+// Sums are smoothed, not their quotients, so that slices of little area have little say. Rounds of [1 2 1]/4 widen the
+// average by a variance of 1/2 slice each. The default keeps the spine's bends wider than the object is thick: on
+// scans of animals and statues it turns by at most 8 degrees a segment, and the radius grows by less than a sixth.
+void smooth(Slices& slices, double width) {
+  const double deviation = width * static_cast<double>(slices.size() - 1);
+  const long rounds = std::lround(2 * deviation * deviation);
+  for (long r = 0; r < rounds; ++r) {
     const Slices old = slices;
     for (std::size_t i = 0; i < old.size(); ++i) {
       const SliceSum &a = old[i == 0 ? 0 : i - 1], &b = old[std::min(i + 1, old.size() - 1)];
@@ -170,8 +174,8 @@ SliceGrid gridOf(const mesh::Mesh& mesh, const Bulk& bulk, const Vec3& axis, std
 }
 
 void check(const SpineFitOptions& o) {
-  requireInRange("points", static_cast<double>(o.points), 2, 100000);
-  requireInRange("smoothing", o.smoothing, 0, 1000);
+  requireInRange("points", static_cast<double>(o.points), 2, 1000);
+  requireInRange("smoothing", o.smoothing, 0, 0.5);
   if (o.axis && (!o.axis->allFinite() || !(o.axis->norm() > 0)))
     throw std::invalid_argument(fmt::format("axis is ({}, {}, {}), must be finite and not 0", o.axis->x(), o.axis->y(), o.axis->z()));
 }

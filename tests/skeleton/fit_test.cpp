@@ -1,11 +1,14 @@
 #include <fielddeform/core/angle.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/core/random.h>
-#include <fielddeform/skeleton/edit.h>
+#include <fielddeform/mesh/io.h>
 #include <fielddeform/skeleton/fit.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
 #include <limits>
 
 namespace fielddeform::skeleton {
@@ -49,7 +52,7 @@ TEST(FitSpine, FollowsTheCentroidsOfSlices) {
   const auto axis = [](double s) { return Vec3(0.4 * s * s, 0.1 * s, 3 * s); };
   SpineFitOptions options;
   options.axis = Vec3(0, 0, 7);
-  options.smoothing = 1;
+  options.smoothing = 0.02;
   const SpineFit fit = fitSpine(tube(axis, 0.2), options);
   for (std::size_t i = 2; i + 2 < 33; ++i) {
     const Vec3 ideal = axis(spineOf(fit)[i].z() / 3);
@@ -146,6 +149,25 @@ TEST(FitSpine, ScalesExactlyAndIgnoresThreads) {
   const SpineFit large = fitSpine(m);
   for (std::size_t i = 0; i < 33; ++i) EXPECT_EQ(spineOf(large)[i], 1024 * spineOf(one)[i]);
   EXPECT_EQ(*large.skeleton.primitives[0].radius, 1024 * *one.skeleton.primitives[0].radius);
+}
+
+// A bend carries the object without folds only if the spine itself turns gently.
+TEST(FitSpineReal, TurnsGentlyOnScans) {
+  const char* folder = std::getenv("FIELDDEFORM_TEST_MESHES");
+  if (!folder) GTEST_SKIP() << "FIELDDEFORM_TEST_MESHES is not set";
+  std::size_t meshes = 0;
+  for (const auto& file : std::filesystem::directory_iterator(folder)) {
+    if (!mesh::formatFromExtension(file.path())) continue;
+    const mesh::Mesh m = mesh::readMesh(file.path());
+    const SpineFit fit = fitSpine(m);
+    const std::vector<Vec3>& p = spineOf(fit);
+    for (std::size_t i = 1; i < p.size(); ++i) EXPECT_GT(fit.axis.dot(p[i] - p[i - 1]), 0);
+    for (std::size_t i = 2; i < p.size(); ++i)
+      EXPECT_GT((p[i] - p[i - 1]).normalized().dot((p[i - 1] - p[i - 2]).normalized()), std::cos(radiansFromDegrees(10))) << file.path();
+    EXPECT_LT(*fit.skeleton.primitives[0].radius, 0.5 * mesh::objectSize(m.positions())) << file.path();
+    ++meshes;
+  }
+  EXPECT_GT(meshes, 0u);
 }
 
 TEST(FitPoints, SpreadEvenlyOverTheSurface) {
