@@ -154,6 +154,12 @@ TEST(Obj, MaterialLibrariesStayValidInAnotherFolder) {
   EXPECT_EQ(folder.get("in/u.obj"), folder.get("in/t.obj"));
 }
 
+// Found by fuzzing: a name on a second line was never passed.
+TEST(Obj, MaterialLibrariesMayGoOnOnTheNextLine) {
+  const std::string file = "mtllib a.mtl\\\n b.mtl \\\r\nc.mtl\nv 0 0 0\n";
+  EXPECT_EQ(roundTrip(file, "t.obj"), file);
+}
+
 TEST(Obj, WritingOverTheInputIsSafeAndAFailedWriteLeavesNothing) {
   const Folder folder;
   folder.put("in/t.obj", kScene);
