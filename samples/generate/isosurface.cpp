@@ -52,6 +52,56 @@ Grid sample(const Box& box, double spacing, const Implicit& value) {
   return grid;
 }
 
+/// Whether the surface crosses a cell as one sheet: no face has only its diagonals in common, and the corners inside
+/// hang together along edges, as do those outside. Cells like this make a manifold.
+bool isOneSheet(unsigned inside) {
+  constexpr unsigned kFaces[6][4] = {{0, 1, 3, 2}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                     {2, 3, 7, 6}, {0, 2, 6, 4}, {1, 3, 7, 5}};
+  const auto in = [&](unsigned corner) { return (inside >> corner & 1) != 0; };
+  for (const auto& f : kFaces) {
+    if (in(f[0]) == in(f[2]) && in(f[1]) == in(f[3]) && in(f[0]) != in(f[1])) return false;
+  }
+  for (const unsigned set : {inside, ~inside & 0xFFu}) {
+    unsigned reached = set & (~set + 1);
+    for (int step = 0; step < 4; ++step) {
+      unsigned grown = reached;
+      for (unsigned corner = 0; corner < 8; ++corner) {
+        if (!(reached >> corner & 1)) continue;
+        for (unsigned axis = 1; axis < 8; axis *= 2) grown |= 1u << (corner ^ axis);
+      }
+      reached = grown & set;
+    }
+    if (reached != set) return false;
+  }
+  return true;
+}
+
+/// Fills cells in which sheets of the surface nearly touch, until none is left.
+void fillTightGaps(Grid& grid) {
+  static const std::vector<char> oneSheet = [] {
+    std::vector<char> table(256);
+    for (unsigned i = 0; i < 256; ++i) table[i] = isOneSheet(i);
+    return table;
+  }();
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (std::size_t i = 0; i + 1 < grid.size[0]; ++i) {
+      for (std::size_t j = 0; j + 1 < grid.size[1]; ++j) {
+        for (std::size_t k = 0; k + 1 < grid.size[2]; ++k) {
+          unsigned inside = 0;
+          const auto corner = [&](unsigned c) -> float& {
+            return grid.value[grid.at(i + (c & 1), j + (c >> 1 & 1), k + (c >> 2))];
+          };
+          for (unsigned c = 0; c < 8; ++c) inside |= static_cast<unsigned>(corner(c) < 0) << c;
+          if (oneSheet[inside]) continue;
+          for (unsigned c = 0; c < 8; ++c) corner(c) = std::min(corner(c), static_cast<float>(-0.3 * grid.spacing));
+          changed = true;
+        }
+      }
+    }
+  }
+}
+
 /// One vertex a cell that the surface crosses: the mean of its edges' crossings.
 std::vector<Vec3> cellVertices(const Grid& grid, std::vector<Index>& cellVertex) {
   std::vector<Vec3> vertices;
@@ -105,9 +155,9 @@ std::vector<std::array<Index, 4>> quads(const Grid& grid, const std::vector<Inde
   return out;
 }
 
-/// Moves every vertex towards the mean of its neighbours and back onto the surface.
+/// Moves every vertex towards the mean of its neighbours and back onto the surface, by steps of Newton's method.
 void relax(std::vector<Vec3>& vertices, const std::vector<std::array<Index, 4>>& faces, const Implicit& value,
-           double spacing) {
+           double spacing, int steps) {
   std::vector<Vec3> sum(vertices.size(), Vec3::Zero());
   std::vector<int> count(vertices.size(), 0);
   for (const auto& f : faces) {
@@ -119,7 +169,7 @@ void relax(std::vector<Vec3>& vertices, const std::vector<std::array<Index, 4>>&
   parallelFor(vertices.size(), 1024, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
       Vec3 p = 0.5 * vertices[v] + 0.5 * sum[v] / std::max(1, count[v]);
-      for (int step = 0; step < 2; ++step) {
+      for (int step = 0; step < steps; ++step) {
         const Vec3 g = gradient(value, p, 0.2 * spacing);
         const double slope = std::max(g.squaredNorm(), 0.04);
         const Vec3 move = value(p) / slope * g;
@@ -139,11 +189,12 @@ Vec3 gradient(const Implicit& value, const Vec3& at, double h) {
 }
 
 mesh::Mesh isosurface(const Box& box, double spacing, const Implicit& value) {
-  const Grid grid = sample(box, spacing, value);
+  Grid grid = sample(box, spacing, value);
+  fillTightGaps(grid);
   std::vector<Index> cellVertex;
   std::vector<Vec3> vertices = cellVertices(grid, cellVertex);
   const auto faces = quads(grid, cellVertex);
-  for (int round = 0; round < 4; ++round) relax(vertices, faces, value, spacing);
+  for (int round = 0; round < 4; ++round) relax(vertices, faces, value, spacing, round == 3 ? 2 : 1);
   std::vector<Index> corners;
   for (const auto& f : faces) {
     const bool first = (vertices[f[0]] - vertices[f[2]]).norm() <= (vertices[f[1]] - vertices[f[3]]).norm();

@@ -58,8 +58,9 @@ double nose(const Vec3& p) { return ellipsoid(p, {0, 1.638, 0.328}, {0.044, 0.03
 double eyes(const Vec3& p) { return (folded(p) - Vec3(0.098, 1.712, 0.226)).norm() - 0.034; }
 double shell(const Vec3& p) {
   const Vec3 c(0, 1.0, 0.375);
-  const double angle = std::atan2(p.x() - c.x(), p.y() - c.y() + 0.09);
-  const double ribs = 0.0045 * std::cos(26 * angle) * smoothstep(0.0, 0.05, (p - c).norm());
+  const Vec3 fromHinge = p - c + Vec3(0, 0.10, 0);
+  const double ribs =
+      0.005 * std::cos(22 * std::atan2(fromHinge.x(), fromHinge.y())) * smoothstep(0.04, 0.15, fromHinge.norm());
   return ellipsoid(p, c, {0.100, 0.092, 0.062}) - ribs;
 }
 
@@ -94,28 +95,37 @@ Rgb coat(const Vec3& p, const Vec3& normal) {
   return {c[0] * shade, c[1] * shade, c[2] * shade};
 }
 
+/// A line drawn below the nose, curved up at both ends.
+double mouth(const Vec3& p) {
+  const double x = std::abs(p.x());
+  const double smile = std::abs(p.y() - 1.562 - 2.2 * (x - 0.035) * (x - 0.035)) + 4 * std::max(0.0, x - 0.085);
+  const double groove = x + 4 * std::max(0.0, std::max(1.565 - p.y(), p.y() - 1.62));
+  return std::min(smile, groove) + 4 * std::max(0.0, 0.2 - p.z());
+}
+
 Rgb colorAt(const Vec3& p, const Vec3& normal) {
-  const Rgb black{32, 26, 24}, teal{70, 150, 150}, pearl{226, 220, 205};
-  const double coatDistance = furred(p);
+  const Rgb black{32, 26, 24}, teal{70, 150, 150}, pearl{226, 220, 205}, white{240, 240, 240};
+  const double highlight = (folded(p) - Vec3(0.107, 1.727, 0.2565)).norm();
   const std::array<std::pair<double, Rgb>, 4> parts{
-      {{coatDistance, coat(p, normal)},
+      {{furred(p), mix(black, coat(p, normal), 0.25 + 0.75 * smoothstep(0.003, 0.009, mouth(p)))},
        {nose(p), black},
-       {eyes(p), black},
-       {shell(p), mix(teal, pearl, 0.5 + 0.5 * std::cos(95 * (p - Vec3(0, 0.905, 0.375)).norm()))}}};
-  const auto* nearest = &parts[0];
-  for (const auto& part : parts) {
-    if (part.first < nearest->first - 0.002) nearest = &part;
+       {eyes(p), mix(white, black, smoothstep(0.009, 0.015, highlight))},
+       {shell(p), mix(teal, pearl, 0.5 + 0.5 * std::cos(95 * (p - Vec3(0, 0.90, 0.375)).norm()))}}};
+  double nearest = parts[0].first, sum = 0;
+  for (const auto& part : parts) nearest = std::min(nearest, part.first);
+  Rgb c{0, 0, 0};
+  for (const auto& part : parts) {  // borders are as sharp as the vertices are dense
+    const double weight = std::exp((nearest - part.first) / 0.0025);
+    sum += weight;
+    for (std::size_t k = 0; k < 3; ++k) c[k] += weight * part.second[k];
   }
-  Rgb c = nearest->second;
-  // A small light spot in each eye.
-  if (nearest == &parts[2] && (folded(p) - Vec3(0.104, 1.724, 0.2575)).norm() < 0.010) c = {235, 235, 235};
-  return c;
+  return {c[0] / sum, c[1] / sum, c[2] / sum};
 }
 
 }  // namespace
 
-mesh::Mesh otter() {
-  const double spacing = 0.0064;
+mesh::Mesh otter(double fineness) {
+  const double spacing = 0.0064 / fineness;
   mesh::Mesh mesh = isosurface(Box(Vec3(-0.46, -0.08, -0.80), Vec3(0.46, 1.95, 0.52)), spacing, figure);
   auto& positions = mesh.mutablePositions();
   std::vector<std::uint8_t> rgb(3 * positions.size());
