@@ -14,6 +14,17 @@ void writeNumber(JsonWriter& json, std::string_view key, const std::optional<dou
   else json.null();
 }
 
+// JSON text as the value of a member: indented by one level, without the newline at its end.
+std::string nested(const std::string& text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '\n' && i + 1 == text.size()) break;
+    out += text[i];
+    if (text[i] == '\n') out += "  ";
+  }
+  return out.empty() ? "{}" : out;
+}
+
 void writeMaxAndP99(JsonWriter& json, const MaxAndP99& value) {
   writeNumber(json, "max", value.max);
   writeNumber(json, "p99", value.p99);
@@ -32,7 +43,7 @@ void writeVolume(JsonWriter& json, const VolumeReport& volume) {
 void writeRun(JsonWriter& json, const RunFacts& run) {
   json.key("run").beginObject();
   json.key("seconds").beginObject(JsonLayout::Inline);
-  for (const auto& [stage, seconds] : run.seconds) json.member(stage, std::round(seconds * 1e6) * 1e-6);
+  for (const auto& [stage, seconds] : run.seconds) json.member(stage, std::round(seconds * 1e6) / 1e6);
   json.end();
   json.member("threads", run.threads);
   json.member("peak_memory_mb", std::round(run.peakMemoryMb * 10) / 10);
@@ -62,7 +73,7 @@ std::string toJson(const Report& report) {
   JsonWriter json;
   json.beginObject();
   json.member("format", "fielddeform-report").member("version", kVersion);
-  json.key("options").raw(report.options.empty() ? "{}" : report.options);
+  json.key("options").raw(nested(report.options));
   json.key("predictor").beginObject().member("used", report.predictor).member("reason", report.predictorReason).end();
   json.member("vertices", report.vertices).member("faces", report.faces);
   json.key("status").beginObject(JsonLayout::Inline);

@@ -37,6 +37,11 @@ std::unique_ptr<CLI::App> makeApp(Session& session);
 /// Adds "--threads N", which every computing command has.
 void addThreads(CLI::App& command, Session& session);
 
+void addDeform(CLI::App& app, Session& session);
+void addEdits(CLI::App& app, Session& session);  ///< bend, twist, taper, stretch
+void addRun(CLI::App& app, Session& session);
+void addWatch(CLI::App& app, Session& session);
+void addSkeleton(CLI::App& app, Session& session);
 void addInfo(CLI::App& app, Session& session);
 void addRender(CLI::App& app, Session& session);
 void addManual(CLI::App& app, Session& session);

@@ -18,6 +18,11 @@ std::unique_ptr<CLI::App> makeApp(Session& session) {
   app->get_formatter()->column_width(34);
   app->get_formatter()->label("REQUIRED", "");
   app->footer("Each command has its own help: fielddeform COMMAND --help");
+  addDeform(*app, session);
+  addEdits(*app, session);
+  addRun(*app, session);
+  addWatch(*app, session);
+  addSkeleton(*app, session);
   addInfo(*app, session);
   addRender(*app, session);
   addManual(*app, session);

@@ -49,6 +49,25 @@ CLI::Option* addVec3(CLI::App& command, const std::string& name, std::optional<V
       ->type_name("X,Y,Z");
 }
 
+CLI::Option* addAxis(CLI::App& command, const std::string& name, std::optional<Vec3>& axis, const std::string& help) {
+  return command
+      .add_option_function<std::string>(
+          name,
+          [name, &axis](const std::string& text) {
+            axis.reset();
+            if (text == "auto") return;
+            if (text == "x" || text == "y" || text == "z") {
+              axis = Vec3::Unit(text[0] - 'x');
+              return;
+            }
+            const auto n = parseNumbers(name, text, 3);
+            axis = Vec3(n[0], n[1], n[2]);
+            if (axis->isZero(0)) throw CLI::ConversionError(name + ": a zero vector, expected a direction");
+          },
+          help)
+      ->type_name("auto|x|y|z|X,Y,Z");
+}
+
 CLI::Option* addNumber(CLI::App& command, const std::string& name, std::optional<double>& value, const std::string& help) {
   return command
       .add_option_function<std::string>(

@@ -16,6 +16,8 @@ std::vector<double> parseNumbers(const std::string& option, const std::string& t
 
 /// "X,Y,Z"
 CLI::Option* addVec3(CLI::App& command, const std::string& name, std::optional<Vec3>& value, const std::string& help);
+/// A direction: "auto" (none), "x", "y", "z" or "X,Y,Z".
+CLI::Option* addAxis(CLI::App& command, const std::string& name, std::optional<Vec3>& axis, const std::string& help);
 /// A finite number.
 CLI::Option* addNumber(CLI::App& command, const std::string& name, std::optional<double>& value, const std::string& help);
 CLI::Option* addNumber(CLI::App& command, const std::string& name, double& value, const std::string& help);

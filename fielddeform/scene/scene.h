@@ -1,0 +1,93 @@
+#pragma once
+
+#include <fielddeform/gffd/options.h>
+#include <fielddeform/mesh/io.h>
+#include <fielddeform/resample/refine.h>
+#include <fielddeform/skeleton/edit.h>
+#include <fielddeform/skeleton/skeleton.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+/// One deformation as data: which mesh, which skeletons or edits, which options, which outputs.
+/// The file format is described in docs/scene.md.
+namespace fielddeform::scene {
+
+/// A rest skeleton made from the mesh: a spine through slice centroids.
+struct AxisRest {
+  std::optional<Vec3> axis;  ///< direction of the spine; absent: the rule of "auto"
+};
+
+/// A file, the skeleton itself, or a rule that makes one.
+using RestSource = std::variant<std::filesystem::path, skeleton::Skeleton, AxisRest>;
+using PosedSource = std::variant<std::filesystem::path, skeleton::Skeleton>;
+
+/// One number a vertex that scales its displacement: 0 keeps the vertex, 1 deforms it fully.
+struct Mask {
+  std::string attribute;        ///< a vertex attribute of the mesh; empty: `file`
+  std::filesystem::path file;   ///< text, one number a vertex
+};
+
+enum class Axis : std::uint8_t { X, Y, Z };
+
+/// What becomes of normals that the mesh has.
+enum class Normals : std::uint8_t {
+  Turn,       ///< turned with the surface around them
+  Recompute,  ///< made anew from the faces
+  Keep,       ///< left as they are
+};
+
+/// Bounds that a run must keep to pass its check. Absent: not checked.
+struct Check {
+  std::optional<std::size_t> folds = 0;    ///< folds.after
+  std::optional<std::size_t> flipped = 0;
+  std::optional<double> residual;          ///< residual.max in units of R
+};
+
+struct Output {
+  std::filesystem::path mesh;               ///< the file to write; a folder if there are several inputs
+  std::optional<std::filesystem::path> report;
+  std::optional<std::filesystem::path> picture;  ///< PNG: before, after
+  mesh::Precision precision = mesh::Precision::Keep;
+  Normals normals = Normals::Turn;
+  bool statusAttribute = false;             ///< vertex attribute "status": 0 fixed, 1 converged, 2 limited, 3 stalled, 4 invalid
+  bool residualAttribute = false;           ///< vertex attribute "residual", world units
+  bool displacementAttribute = false;       ///< vertex attribute "displacement", 3 wide, world units
+  int frames = 0;                           ///< 0: the result alone; n >= 2: that many files from the input (t = 0) to the result (t = 1)
+};
+
+struct Scene {
+  std::uint64_t seed = 0;
+  std::vector<std::filesystem::path> inputs;  ///< at least one
+  mesh::ReadOptions read;
+  RestSource rest;
+  std::optional<PosedSource> posed;           ///< a posed skeleton, or edits; not both
+  std::vector<skeleton::NamedPair> pairs;
+  std::vector<skeleton::Edit> edits;
+  std::optional<Axis> symmetry;               ///< mirror the edits about the middle of the mesh's box
+  gffd::Options tracking;
+  std::optional<resample::Options> resample;
+  std::optional<Mask> mask;
+  Output output;
+  std::optional<Check> check;
+  std::string extras;                         ///< JSON object passed through; may be empty
+};
+
+/// Reads a scene file. Paths in the result are relative to the scene's folder no more: they are prefixed with it.
+/// @throw IoError naming line, column or JSON Pointer, what was found and what was expected
+Scene readScene(const std::filesystem::path& path);
+/// The same from memory. @param path names the text in errors and gives the folder of its paths
+Scene parseScene(std::string text, const std::filesystem::path& path);
+
+/// The text of a scene file that lies in `folder`: paths are written relative to it.
+std::string formatScene(const Scene& scene, const std::filesystem::path& folder);
+/// Writes atomically. @throw IoError
+void writeScene(const Scene& scene, const std::filesystem::path& path);
+
+std::string_view toString(Axis axis) noexcept;        ///< "x", "y", "z"
+std::string_view toString(Normals normals) noexcept;  ///< "turn", "recompute", "keep"
+
+}  // namespace fielddeform::scene

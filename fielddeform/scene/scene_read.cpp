@@ -1,0 +1,222 @@
+#include <fielddeform/core/angle.h>
+#include <fielddeform/core/error.h>
+#include <fielddeform/core/json_reader.h>
+#include <fielddeform/scene/edit_json.h>
+#include <fielddeform/scene/scene.h>
+#include <fielddeform/skeleton/io.h>
+#include <fmt/format.h>
+
+namespace fielddeform::scene {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The member if it is there and not null: null says "the default" throughout.
+std::optional<JsonValue> given(const JsonValue& object, std::string_view key) {
+  const auto value = object.find(key);
+  return value && !value->isNull() ? value : std::nullopt;
+}
+
+fs::path readPath(const JsonValue& value, const fs::path& folder) {
+  const std::string text = value.string();
+  if (text.empty()) value.fail("an empty path", "a file");
+  if (text.find('\0') != std::string::npos) value.fail("a path with a zero byte", "a file");
+  return (folder / fs::path(text)).lexically_normal();
+}
+
+void setFlag(const JsonValue& object, std::string_view key, bool& flag) {
+  if (const auto value = given(object, key)) flag = value->boolean();
+}
+
+skeleton::Skeleton readInlineSkeleton(const JsonValue& object) {
+  object.allowKeys({"primitives", "extras"});
+  skeleton::Skeleton skeleton;
+  for (const JsonValue item : object.require("primitives").array())
+    skeleton.primitives.push_back(skeleton::primitiveFromJson(item));
+  if (const auto extras = given(object, "extras")) {
+    if (extras->kind() != JsonKind::Object) extras->fail("", "an object");
+    skeleton.extras = extras->text();
+  }
+  try {
+    skeleton::validate(skeleton);
+  } catch (const std::invalid_argument& problem) {
+    object.fail(problem.what(), "a valid skeleton");
+  }
+  return skeleton;
+}
+
+RestSource readRest(const JsonValue& value, const fs::path& folder) {
+  if (value.kind() == JsonKind::String) return readPath(value, folder);
+  if (value.kind() != JsonKind::Object) value.fail("", "a file's path, a skeleton, or {\"fit\": \"axis\"}");
+  if (!value.find("fit")) return readInlineSkeleton(value);
+  value.allowKeys({"fit", "axis"});
+  value.require("fit").word({"axis"});
+  AxisRest rest;
+  if (const auto axis = given(value, "axis")) rest.axis = axisFromJson(*axis);
+  return rest;
+}
+
+void readSkeletons(const JsonValue& object, const fs::path& folder, Scene& scene) {
+  object.allowKeys({"rest", "posed", "pairs", "radius"});
+  scene.rest = readRest(object.require("rest"), folder);
+  if (const auto posed = given(object, "posed")) {
+    if (posed->kind() == JsonKind::String) scene.posed = readPath(*posed, folder);
+    else if (posed->kind() == JsonKind::Object) scene.posed = readInlineSkeleton(*posed);
+    else posed->fail("", "a file's path or a skeleton");
+  }
+  if (const auto pairs = given(object, "pairs")) {
+    for (const JsonValue pair : pairs->array()) {
+      if (pair.array().size() != 2) pair.fail("", "[\"NAME AT REST\", \"NAME WHEN POSED\"]");
+      std::vector<std::string> names;
+      for (const JsonValue name : pair.array()) names.push_back(name.string());
+      scene.pairs.push_back({names[0], names[1]});
+    }
+  }
+  if (const auto radius = given(object, "radius")) scene.tracking.radius = radius->positive();
+}
+
+void readField(const JsonValue& object, field::FieldOptions& field) {
+  object.allowKeys({"distance", "potential", "sharpness"});
+  if (const auto distance = given(object, "distance")) distance->word({"exact"});
+  if (const auto potential = given(object, "potential"))
+    field.potential =
+        static_cast<skeleton::Potential>(potential->word({"exponential", "gaussian", "metaball", "soft-object"}));
+  if (const auto sharpness = given(object, "sharpness")) field.sharpness = sharpness->positive();
+}
+
+void readFalloff(const JsonValue& value, gffd::Options& tracking) {
+  if (value.kind() == JsonKind::Number) {
+    tracking.falloff = gffd::Falloff::On;
+    tracking.falloffBand = value.inRange(0, 1);
+    if (tracking.falloffBand == 0) value.fail("", "> 0, or \"off\"");
+    return;
+  }
+  tracking.falloff = static_cast<gffd::Falloff>(value.word({"auto", "on", "off"}));
+}
+
+void readTracking(const JsonValue& object, gffd::Options& t) {
+  object.allowKeys({"predictor", "corrector", "tolerance", "max_iterations", "falloff", "guard", "strict_value",
+                    "substeps", "retry", "midpoint"});
+  if (const auto word = given(object, "predictor"))
+    t.predictor = static_cast<gffd::Predictor>(word->word({"auto", "mls", "axial", "warp", "gradient"}));
+  setFlag(object, "corrector", t.corrector);
+  if (const auto tolerance = given(object, "tolerance")) t.tolerance = tolerance->positive();
+  if (const auto n = given(object, "max_iterations")) t.maxIterations = static_cast<int>(n->integer(1, 100000));
+  if (const auto falloff = given(object, "falloff")) readFalloff(*falloff, t);
+  setFlag(object, "guard", t.guard);
+  setFlag(object, "strict_value", t.strictValue);
+  if (const auto n = given(object, "substeps")) t.substeps = static_cast<int>(n->integer(1, 64));
+  setFlag(object, "retry", t.retry);
+  if (const auto word = given(object, "midpoint"))
+    t.midpointValue = static_cast<gffd::MidpointValue>(word->word({"sampled", "mean"}));
+}
+
+resample::Options readResample(const JsonValue& object) {
+  object.allowKeys({"by", "max_stretch", "max_deviation", "max_vertices"});
+  resample::Options options;
+  if (const auto by = given(object, "by"))
+    options.by = static_cast<resample::Criterion>(by->word({"stretch", "deviation", "both"}));
+  if (const auto stretch = given(object, "max_stretch")) options.maxStretch = stretch->inRange(1, 1e6);
+  if (const auto deviation = given(object, "max_deviation")) options.maxDeviation = deviation->positive();
+  if (const auto n = given(object, "max_vertices")) options.maxVertices = n->integer(1, kNoIndex - 1);
+  return options;
+}
+
+Mask readMask(const JsonValue& object, const fs::path& folder) {
+  object.allowKeys({"attribute", "file"});
+  Mask mask;
+  const auto attribute = given(object, "attribute"), file = given(object, "file");
+  if (attribute.has_value() == file.has_value()) object.fail("", "either \"attribute\" or \"file\"");
+  if (attribute) mask.attribute = attribute->string();
+  if (attribute && mask.attribute.empty()) attribute->fail("", "a name");
+  if (file) mask.file = readPath(*file, folder);
+  return mask;
+}
+
+void readOutput(const JsonValue& object, const fs::path& folder, Output& output) {
+  object.allowKeys({"mesh", "report", "picture", "precision", "normals", "attributes", "frames"});
+  output.mesh = readPath(object.require("mesh"), folder);
+  if (const auto path = given(object, "report")) output.report = readPath(*path, folder);
+  if (const auto path = given(object, "picture")) output.picture = readPath(*path, folder);
+  if (const auto word = given(object, "precision"))
+    output.precision = static_cast<mesh::Precision>(word->word({"keep", "double"}));
+  if (const auto word = given(object, "normals"))
+    output.normals = static_cast<Normals>(word->word({"turn", "recompute", "keep"}));
+  if (const auto list = given(object, "attributes")) {
+    for (const JsonValue item : list->array()) {
+      const std::size_t which = item.word({"status", "residual", "displacement"});
+      (which == 0 ? output.statusAttribute : which == 1 ? output.residualAttribute : output.displacementAttribute) = true;
+    }
+  }
+  if (const auto n = given(object, "frames")) {
+    output.frames = static_cast<int>(n->integer(0, 100000));
+    if (output.frames == 1) n->fail("", "0, or at least 2");
+  }
+}
+
+Check readCheck(const JsonValue& object) {
+  object.allowKeys({"folds", "flipped", "residual"});
+  Check check;
+  const auto bound = [&](std::string_view key, std::optional<std::size_t>& value) {
+    const auto found = object.find(key);
+    if (!found) return;
+    if (found->isNull()) value.reset();
+    else value = found->integer(0, std::uint64_t{1} << 53);
+  };
+  bound("folds", check.folds);
+  bound("flipped", check.flipped);
+  if (const auto residual = given(object, "residual")) check.residual = residual->nonNegative();
+  return check;
+}
+
+void readParts(const JsonValue& root, const fs::path& folder, Scene& scene) {
+  if (const auto seed = given(root, "seed")) scene.seed = seed->integer(0, std::uint64_t{1} << 53);
+  const JsonValue inputs = root.require("inputs");
+  for (const JsonValue input : inputs.array()) scene.inputs.push_back(readPath(input, folder));
+  if (scene.inputs.empty()) inputs.fail("no inputs", "at least one mesh");
+  if (const auto method = given(root, "method")) method->word({"gffd"});
+  bool skipInvalid = false;
+  setFlag(root, "skip_invalid", skipInvalid);
+  if (skipInvalid) scene.read.invalid = mesh::InvalidPoints::Keep;
+  readSkeletons(root.require("skeleton"), folder, scene);
+  if (const auto edits = given(root, "edits"))
+    for (const JsonValue edit : edits->array()) scene.edits.push_back(editFromJson(edit));
+  if (const auto symmetry = given(root, "symmetry")) scene.symmetry = static_cast<Axis>(symmetry->word({"x", "y", "z"}));
+  if (const auto field = given(root, "field")) readField(*field, scene.tracking.field);
+  if (const auto tracking = given(root, "tracking")) readTracking(*tracking, scene.tracking);
+  if (const auto resample = given(root, "resample")) scene.resample = readResample(*resample);
+  if (const auto volume = given(root, "volume")) volume->fail("", "null: this version has no volume pass");
+  if (const auto mask = given(root, "mask")) scene.mask = readMask(*mask, folder);
+  readOutput(root.require("output"), folder, scene.output);
+  if (const auto check = given(root, "check")) scene.check = readCheck(*check);
+  if (const auto extras = given(root, "extras")) {
+    if (extras->kind() != JsonKind::Object) extras->fail("", "an object");
+    scene.extras = extras->text();
+  }
+}
+
+void checkTogether(const JsonValue& root, const Scene& scene) {
+  if (scene.posed && !scene.edits.empty())
+    root.require("edits").fail("\"edits\" besides \"skeleton\": {\"posed\": ...}", "one of them");
+}
+
+Scene sceneOf(const JsonDocument& document) {
+  document.requireFormat("fielddeform-scene", 1);
+  const JsonValue root = document.root();
+  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "method", "skeleton", "edits", "symmetry",
+                  "field", "tracking", "resample", "volume", "mask", "output", "check", "extras"});
+  Scene scene;
+  readParts(root, document.path().parent_path(), scene);
+  checkTogether(root, scene);
+  return scene;
+}
+
+}  // namespace
+
+Scene parseScene(std::string text, const fs::path& path) {
+  return sceneOf(JsonDocument::parse(std::move(text), path));
+}
+
+Scene readScene(const fs::path& path) { return sceneOf(JsonDocument::read(path)); }
+
+}  // namespace fielddeform::scene

@@ -1,0 +1,167 @@
+#include <fielddeform/core/atomic_file.h>
+#include <fielddeform/core/json_writer.h>
+#include <fielddeform/scene/detail/scene_json.h>
+#include <fielddeform/scene/edit_json.h>
+#include <fielddeform/scene/scene.h>
+#include <fielddeform/skeleton/io.h>
+
+#include <array>
+
+namespace fielddeform::scene {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::array<std::string_view, 3> kAxes{"x", "y", "z"};
+constexpr std::array<std::string_view, 3> kCriteria{"stretch", "deviation", "both"};
+constexpr std::array<std::string_view, 3> kNormals{"turn", "recompute", "keep"};
+
+// Paths as they stand in a scene in `folder`: relative where that is possible.
+std::string pathText(const fs::path& path, const fs::path& folder) {
+  std::error_code ignored;
+  const fs::path absolute = fs::absolute(path, ignored), base = fs::absolute(folder.empty() ? "." : folder, ignored);
+  const fs::path relative = absolute.lexically_normal().lexically_relative(base.lexically_normal());
+  return relative.empty() ? absolute.generic_string() : relative.generic_string();
+}
+
+void writeInlineSkeleton(JsonWriter& json, const skeleton::Skeleton& skeleton) {
+  json.beginObject().key("primitives").beginArray();
+  for (const auto& primitive : skeleton.primitives) skeleton::primitiveToJson(primitive, json);
+  json.end();
+  if (!skeleton.extras.empty()) json.key("extras").raw(skeleton.extras);
+  json.end();
+}
+
+void writeSkeletons(JsonWriter& json, const Scene& scene, const fs::path* folder) {
+  json.key("skeleton").beginObject();
+  json.key("rest");
+  if (const auto* path = std::get_if<fs::path>(&scene.rest)) {
+    if (folder) json.value(pathText(*path, *folder));
+    else json.null();
+  } else if (const auto* skeleton = std::get_if<skeleton::Skeleton>(&scene.rest)) {
+    writeInlineSkeleton(json, *skeleton);
+  } else {
+    json.beginObject(JsonLayout::Inline).member("fit", "axis").key("axis");
+    if (const auto& axis = std::get<AxisRest>(scene.rest).axis) json.value(*axis);
+    else json.value("auto");
+    json.end();
+  }
+  json.key("posed");
+  if (!scene.posed) json.null();
+  else if (const auto* skeleton = std::get_if<skeleton::Skeleton>(&*scene.posed)) writeInlineSkeleton(json, *skeleton);
+  else if (folder) json.value(pathText(std::get<fs::path>(*scene.posed), *folder));
+  else json.null();
+  json.key("pairs").beginArray();
+  for (const auto& pair : scene.pairs) json.beginArray(JsonLayout::Inline).value(pair.rest).value(pair.posed).end();
+  json.end();
+  if (scene.tracking.radius) json.member("radius", *scene.tracking.radius);
+  json.end();
+}
+
+void writeTracking(JsonWriter& json, const gffd::Options& t) {
+  json.key("field").beginObject(JsonLayout::Inline).member("distance", "exact");
+  json.member("potential", skeleton::toString(t.field.potential)).member("sharpness", t.field.sharpness).end();
+  json.key("tracking").beginObject(JsonLayout::Inline).member("predictor", gffd::toString(t.predictor));
+  json.member("corrector", t.corrector).member("tolerance", t.tolerance).member("max_iterations", t.maxIterations);
+  json.key("falloff");
+  if (t.falloff == gffd::Falloff::On) json.value(t.falloffBand);
+  else json.value(t.falloff == gffd::Falloff::Auto ? "auto" : "off");
+  json.member("guard", t.guard).member("strict_value", t.strictValue).member("substeps", t.substeps);
+  json.member("retry", t.retry);
+  json.member("midpoint", t.midpointValue == gffd::MidpointValue::Mean ? "mean" : "sampled").end();
+}
+
+void writeResample(JsonWriter& json, const std::optional<resample::Options>& options) {
+  json.key("resample");
+  if (!options) {
+    json.null();
+    return;
+  }
+  json.beginObject(JsonLayout::Inline).member("by", kCriteria[static_cast<std::size_t>(options->by)]);
+  json.member("max_stretch", options->maxStretch).member("max_deviation", options->maxDeviation).key("max_vertices");
+  if (options->maxVertices) json.value(*options->maxVertices);
+  else json.null();
+  json.end();
+}
+
+void writeOutput(JsonWriter& json, const Output& output, const fs::path* folder) {
+  json.key("output").beginObject();
+  if (folder) {
+    json.member("mesh", pathText(output.mesh, *folder));
+    if (output.report) json.member("report", pathText(*output.report, *folder));
+    if (output.picture) json.member("picture", pathText(*output.picture, *folder));
+  }
+  json.member("precision", output.precision == mesh::Precision::Double ? "double" : "keep");
+  json.member("normals", toString(output.normals));
+  json.key("attributes").beginArray(JsonLayout::Inline);
+  if (output.statusAttribute) json.value("status");
+  if (output.residualAttribute) json.value("residual");
+  if (output.displacementAttribute) json.value("displacement");
+  json.end();
+  if (output.frames > 0) json.member("frames", output.frames);
+  json.end();
+}
+
+void writeCheck(JsonWriter& json, const Check& check) {
+  json.key("check").beginObject(JsonLayout::Inline);
+  const auto bound = [&](std::string_view key, const auto& value) {
+    json.key(key);
+    if (value) json.value(*value);
+    else json.null();
+  };
+  bound("folds", check.folds);
+  bound("flipped", check.flipped);
+  bound("residual", check.residual);
+  json.end();
+}
+
+}  // namespace
+
+namespace detail {
+
+void writeSceneBody(JsonWriter& json, const Scene& scene, const fs::path* folder) {
+  json.member("seed", scene.seed);
+  if (folder) {
+    json.key("inputs").beginArray();
+    for (const auto& input : scene.inputs) json.value(pathText(input, *folder));
+    json.end();
+  }
+  if (scene.read.invalid == mesh::InvalidPoints::Keep) json.member("skip_invalid", true);
+  json.member("method", "gffd");
+  writeSkeletons(json, scene, folder);
+  json.key("edits").beginArray();
+  for (const auto& edit : scene.edits) editToJson(edit, json);
+  json.end();
+  if (scene.symmetry) json.member("symmetry", toString(*scene.symmetry));
+  writeTracking(json, scene.tracking);
+  writeResample(json, scene.resample);
+  json.key("volume").null();
+  if (scene.mask) {
+    json.key("mask").beginObject(JsonLayout::Inline);
+    if (!scene.mask->attribute.empty()) json.member("attribute", scene.mask->attribute);
+    else if (folder) json.member("file", pathText(scene.mask->file, *folder));
+    json.end();
+  }
+  writeOutput(json, scene.output, folder);
+  if (scene.check) writeCheck(json, *scene.check);
+  if (!scene.extras.empty()) json.key("extras").raw(scene.extras);
+}
+
+}  // namespace detail
+
+std::string formatScene(const Scene& scene, const fs::path& folder) {
+  JsonWriter json;
+  json.beginObject().member("format", "fielddeform-scene").member("version", 1);
+  detail::writeSceneBody(json, scene, &folder);
+  json.end();
+  return json.text();
+}
+
+void writeScene(const Scene& scene, const fs::path& path) {
+  writeTextFile(path, formatScene(scene, path.parent_path()));
+}
+
+std::string_view toString(Axis axis) noexcept { return kAxes[static_cast<std::size_t>(axis)]; }
+std::string_view toString(Normals normals) noexcept { return kNormals[static_cast<std::size_t>(normals)]; }
+
+}  // namespace fielddeform::scene

@@ -1,0 +1,151 @@
+#include "scene_options.h"
+
+#include <fmt/format.h>
+
+#include "values.h"
+
+namespace fielddeform::cli {
+namespace {
+
+void setFalloff(gffd::Options& tracking, const std::string& text) {
+  if (text == "auto") {
+    tracking.falloff = gffd::Falloff::Auto;
+  } else if (text == "off") {
+    tracking.falloff = gffd::Falloff::Off;
+  } else {
+    const double band = parseNumbers("--falloff", text, 1)[0];
+    if (!(band > 0 && band <= 1)) throw CLI::ConversionError(fmt::format("--falloff: {}, expected 0 < B <= 1", text));
+    tracking.falloff = gffd::Falloff::On;
+    tracking.falloffBand = band;
+  }
+}
+
+void addTracking(CLI::App& command, gffd::Options& tracking) {
+  const char* group = "Tracking";
+  addNumber(command, "--radius", tracking.radius,
+            "Influence radius of primitives that name none, model units (default: from the mesh)")->group(group);
+  addWord(command, "--track", {"auto", "mls", "axial", "warp", "gradient"},
+          [&tracking](std::size_t i) { tracking.predictor = static_cast<gffd::Predictor>(i); },
+          "How vertices follow (default: auto, which is mls or axial; warp and gradient are the paper's)")->group(group);
+  command.add_flag_callback("--no-corrector", [&tracking] { tracking.corrector = false; },
+                            "Do not bring vertices back to their field value")->group(group);
+  command.add_option("--tolerance", tracking.tolerance, "Residual of a converged vertex, in radii (default: 1e-4)")
+      ->type_name("NUMBER")->group(group);
+  addWord(command, "--potential", {"exponential", "gaussian", "metaball", "soft-object"},
+          [&tracking](std::size_t i) { tracking.field.potential = static_cast<skeleton::Potential>(i); },
+          "Potential of primitives that name none (default: exponential)")->group(group);
+  command.add_option("--sharpness", tracking.field.sharpness, "Falloff lengths in a radius (default: 4)")
+      ->type_name("NUMBER")->group(group);
+  command.add_option_function<std::string>(
+      "--falloff", [&tracking](const std::string& text) { setFalloff(tracking, text); },
+      "Share of the radius in which the displacement dies out (default: auto, 0.5 where the influence ends on the mesh)")
+      ->type_name("auto|off|B")->group(group);
+  command.add_flag_callback("--strict-value", [&tracking] { tracking.strictValue = true; },
+                            "Keep every field value whatever becomes of the surface: no guard, no falloff")->group(group);
+  command.add_flag_callback("--no-guard", [&tracking] { tracking.guard = false; },
+                            "Do not hold corrections back where they fold the surface")->group(group);
+  command.add_option("--substeps", tracking.substeps, "Poses tracked one after the other (default: 1)")
+      ->type_name("N")->check(within(1, 64))->group(group);
+  command.add_flag_callback("--no-retry", [&tracking] { tracking.retry = false; },
+                            "Do not try more substeps when the surface folded")->group(group);
+}
+
+void addResampling(CLI::App& command, BatchOptions& options) {
+  const char* group = "Resampling";
+  resample::Options& r = options.resampleOptions;
+  const auto on = [&options] { options.resample = true; };
+  command.add_flag_callback("--resample", on, "Insert vertices where edges stretch or bend too much")->group(group);
+  addWord(command, "--resample-by", {"stretch", "deviation", "both"},
+          [&r, on](std::size_t i) { r.by = static_cast<resample::Criterion>(i); on(); },
+          "What splits an edge (default: both)")->group(group);
+  command.add_option_function<double>("--max-stretch", [&r, on](const double& x) { r.maxStretch = x; on(); },
+                                      "Split edges that grow by this factor (default: 1.8)")
+      ->type_name("FACTOR")->check(within(1.0, 1e6))->group(group);
+  command.add_option_function<double>("--max-deviation", [&r, on](const double& x) { r.maxDeviation = x; on(); },
+                                      "Split edges whose middle is off by this share of the size (default: 1e-3)")
+      ->type_name("SHARE")->check(within(1e-12, 1.0))->group(group);
+  command.add_option_function<std::uint32_t>("--max-vertices", [&r, on](const std::uint32_t& n) { r.maxVertices = n; on(); },
+                                             "Stop inserting at this many vertices")->type_name("N")->group(group);
+  addWord(command, "--resample-like", {"paper"},
+          [&r, &options, on](std::size_t) {
+            r.by = resample::Criterion::Stretch;
+            options.scene.tracking.midpointValue = gffd::MidpointValue::Mean;
+            on();
+          },
+          "As in Qin et al. 2003: by stretch alone, with the mean of the ends' field values")->group(group);
+}
+
+void addEditing(CLI::App& command, BatchOptions& options) {
+  const char* group = "Editing";
+  command.add_option("--mask", options.mask,
+                     "Scale each vertex's displacement: a vertex attribute, or a file of one number a vertex")
+      ->type_name("NAME|FILE")->group(group);
+  addWord(command, "--symmetry", {"x", "y", "z"},
+          [&options](std::size_t i) { options.scene.symmetry = static_cast<scene::Axis>(i); },
+          "Do the same on the other side of the mesh's middle")->group(group);
+  command.add_flag_callback("--skip-invalid",
+                            [&options] { options.scene.read.invalid = mesh::InvalidPoints::Keep; },
+                            "Leave vertices with coordinates that are not finite as they are, instead of refusing the file")
+      ->group(group);
+}
+
+void addOutput(CLI::App& command, BatchOptions& options) {
+  const char* group = "Output";
+  scene::Output& output = options.scene.output;
+  command.add_option("--report", options.report, "Write a JSON report (of several meshes: a folder)")
+      ->type_name("FILE")->group(group);
+  command.add_option("--picture", options.picture, "Draw before and after (PNG; of several meshes: a folder)")
+      ->type_name("FILE")->group(group);
+  addWord(command, "--precision", {"keep", "double"},
+          [&output](std::size_t i) { output.precision = static_cast<mesh::Precision>(i); },
+          "Type of the written coordinates (default: keep, as in the input)")->group(group);
+  addWord(command, "--normals", {"turn", "recompute", "keep"},
+          [&output](std::size_t i) { output.normals = static_cast<scene::Normals>(i); },
+          "What becomes of normals in the input (default: turn, with the surface)")->group(group);
+  command.add_option("--attributes", options.attributes, "Vertex attributes to add: status, residual, displacement")
+      ->type_name("LIST")->delimiter(',')->check(oneOf({"status", "residual", "displacement"}))
+      ->allow_extra_args(false)->group(group);
+  command.add_option("--frames", output.frames, "Write a sequence of N meshes from the input to the result")
+      ->type_name("N")->check(within(2, 100000))->group(group);
+  command.add_option("--save-scene", options.saveScene, "Write the scene with every choice made, for fielddeform run")
+      ->type_name("FILE")->group(group);
+}
+
+void addCheck(CLI::App& command, BatchOptions& options) {
+  const char* group = "Check";
+  scene::Check& check = options.checkOptions;
+  const auto on = [&options] { options.check = true; };
+  command.add_flag_callback("--check", on, "Exit with 3 if the result has folded edges or flipped faces")->group(group);
+  command.add_option_function<std::size_t>("--allow-folds", [&check, on](const std::size_t& n) { check.folds = n; on(); },
+                                           "As --check, with up to N folded edges")->type_name("N")->group(group);
+  command.add_option_function<std::size_t>("--allow-flipped", [&check, on](const std::size_t& n) { check.flipped = n; on(); },
+                                           "As --check, with up to N flipped faces")->type_name("N")->group(group);
+  command.add_option_function<double>("--allow-residual", [&check, on](const double& x) { check.residual = x; on(); },
+                                      "As --check, also of the greatest residual, in radii")
+      ->type_name("NUMBER")->check(within(0.0, 1e6))->group(group);
+}
+
+void addFiles(CLI::App& command, BatchOptions& options, bool severalMeshes) {
+  if (severalMeshes)
+    command.add_option("MESH", options.meshes, "Meshes to deform (PLY, OBJ, STL, OFF)")->required()->type_name("");
+  else
+    command.add_option("MESH", options.meshes, "Mesh to deform (PLY, OBJ, STL, OFF)")->required()->expected(1)->type_name("");
+  command.add_option("-o,--output", options.output,
+                     severalMeshes ? "File to write, or a folder (ends in /, made if missing; needed for several meshes)"
+                                   : "File to write, or a folder (ends in /, made if missing)")
+      ->required()->type_name("FILE|DIR/");
+}
+
+}  // namespace
+
+void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes) {
+  addFiles(command, options, severalMeshes);
+  addEditing(command, options);
+  addTracking(command, options.scene.tracking);
+  addResampling(command, options);
+  addOutput(command, options);
+  addCheck(command, options);
+  addThreads(command, session);
+}
+
+}  // namespace fielddeform::cli

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <fielddeform/scene/run.h>
+
+#include "command.h"
+
+/// The options that every deforming command shares, and the driver that runs a scene on one or many meshes.
+namespace fielddeform::cli {
+
+/// What the command line says besides the scene itself.
+struct BatchOptions {
+  scene::Scene scene;                 ///< inputs and outputs are filled in by finish()
+  std::vector<std::string> meshes;
+  std::string output, report, picture, saveScene, mask;
+  std::vector<std::string> attributes;
+  bool resample = false, check = false;
+  resample::Options resampleOptions;
+  scene::Check checkOptions;
+  std::optional<double> allowResidual;
+};
+
+/// MESH..., -o, and all groups below.
+void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes);
+
+/// Fills the scene from the parsed options and runs it on every mesh. Several meshes: one bar, one that fails does not
+/// stop the rest, a table at the end.
+/// @return kDone; kFailed if any failed; else kCheckFailed if any check was broken
+int runBatch(BatchOptions& options, Terminal& terminal);
+
+/// Runs a scene (from a file) on all its inputs.
+int runScene(const scene::Scene& scene, const std::optional<std::filesystem::path>& saveScene, Terminal& terminal);
+
+}  // namespace fielddeform::cli

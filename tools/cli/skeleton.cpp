@@ -1,0 +1,73 @@
+// fielddeform skeleton: a skeleton made from a mesh.
+#include <fielddeform/mesh/io.h>
+#include <fielddeform/skeleton/fit.h>
+#include <fielddeform/skeleton/io.h>
+#include <fmt/format.h>
+
+#include "command.h"
+#include "values.h"
+
+namespace fielddeform::cli {
+namespace {
+
+enum class Kind { Axis, Points };
+
+struct SkeletonOptions {
+  std::string mesh, output;
+  Kind kind = Kind::Axis;
+  skeleton::SpineFitOptions spine;
+  skeleton::PointFitOptions points;
+  std::optional<std::size_t> count;
+};
+
+skeleton::Skeleton fit(SkeletonOptions& o, const mesh::Mesh& mesh) {
+  switch (o.kind) {
+    case Kind::Axis: {
+      if (o.count) o.spine.points = *o.count;
+      return skeleton::fitSpine(mesh, o.spine).skeleton;
+    }
+    case Kind::Points: {
+      if (o.count) o.points.points = *o.count;
+      return skeleton::fitPoints(mesh, o.points);
+    }
+  }
+  return {};
+}
+
+int run(SkeletonOptions& o, Terminal& terminal) {
+  mesh::ReadOptions read;
+  read.invalid = mesh::InvalidPoints::Keep;
+  const mesh::Mesh mesh = mesh::readMesh(o.mesh, read, nullptr, &terminal);
+  terminal.beginStage("skeleton");
+  const skeleton::Skeleton skeleton = fit(o, mesh);
+  skeleton::writeSkeleton(skeleton, o.output);
+  for (const auto& p : skeleton.primitives)
+    terminal.print(fmt::format("{}: {} \"{}\" of {} points{}{}", o.output, skeleton::toString(p.type), p.name, p.points.size(),
+                               p.faces.empty() ? "" : fmt::format(" and {} faces", p.faces.size()),
+                               p.radius ? fmt::format(", radius {:.6g}", *p.radius) : ""));
+  return kDone;
+}
+
+}  // namespace
+
+void addSkeleton(CLI::App& app, Session& session) {
+  const auto options = optionsOf<SkeletonOptions>();
+  auto* command = app.add_subcommand("skeleton", "Make a skeleton from a mesh");
+  command->add_option("MESH", options->mesh, "Mesh (PLY, OBJ, STL, OFF)")->required()->type_name("");
+  command->add_option("-o,--output", options->output, "Skeleton to write (JSON, or OBJ for a modeller)")->required()->type_name("FILE");
+  addWord(*command, "--kind", {"axis", "points"}, [options](std::size_t i) { options->kind = static_cast<Kind>(i); },
+          "A spine through the mesh's slices (default), or points on it");
+  addAxis(*command, "--axis", options->spine.axis, "axis: direction of the spine (default: auto, the longest extent)");
+  command->add_flag_callback("--straight", [options] { options->spine.shape = skeleton::SpineShape::Straight; },
+                             "axis: a straight spine through the centroid");
+  command->add_option("--points", options->count, "axis, points: how many points (default: 33 and 64)")
+      ->type_name("N")->check(within(1, 100000));
+  command->add_option("--seed", options->points.seed, "points: another choice of points (default: 0)")->type_name("N");
+  addThreads(*command, session);
+  command->footer("Example:\n  fielddeform skeleton scan.ply -o spine.json --kind axis");
+  command->callback([&session, options] {
+    session.run = [options](Terminal& terminal) { return run(*options, terminal); };
+  });
+}
+
+}  // namespace fielddeform::cli
