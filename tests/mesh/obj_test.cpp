@@ -59,6 +59,13 @@ TEST(Obj, CommentsBehindNumbersAndContinuedLinesAreKept) {
   EXPECT_EQ(roundTrip(file, "t.obj"), "v 0 0 0\n# origin\nv 1 0 0\ng a \\\n b\nv 0 1 0\nf 1 2 3\n");
 }
 
+// Found by fuzzing: each writing added one more line end.
+TEST(Obj, ALastLineThatWouldGoOnIsStable) {
+  const std::string once = roundTrip("v 0 0 0\ng a\\", "t.obj");
+  EXPECT_EQ(once, "v 0 0 0\ng a\\\n");
+  EXPECT_EQ(roundTrip(once, "t.obj"), once);
+}
+
 TEST(Obj, LineEndsAreKept) {
   const std::string file = "# dos\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n";
   EXPECT_EQ(roundTrip(file, "t.obj"), file);

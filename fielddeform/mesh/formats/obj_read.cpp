@@ -164,12 +164,12 @@ class ObjReader {
   void readRaw(const char* begin, Kind kind) {
     const char* stop = statementEnd(begin);
     const bool closed = stop < end_;
-    addRun(kind, 0, static_cast<std::uint64_t>(stop - begin) + (closed ? 1 : layout_->eol.size()));
+    // The last line gets its end, unless it is a "\" that would go on in a line that is not there.
+    std::string_view end = closed ? std::string_view(stop, 1) : std::string_view(layout_->eol);
+    if (!closed && stop > begin && stop[-1] == newline_) end = {};
+    addRun(kind, 0, static_cast<std::uint64_t>(stop - begin) + end.size());
     layout_->text.append(begin, stop);
-    if (closed)
-      layout_->text += newline_;
-    else
-      layout_->text += layout_->eol;
+    layout_->text.append(end);
     at_ = stop + closed;
   }
 
