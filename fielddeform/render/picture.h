@@ -61,7 +61,7 @@ struct Camera {
   std::optional<double> elevation{};  ///< radians, the camera moves up; automatic: 0.35
   double zoom = 1;                    ///< > 1 is closer; the object fills the view at 1
   Projection projection = Projection::Perspective;
-  double fieldOfView = 0.4;  ///< radians, in (0, 3), of a view's shorter side; perspective only
+  double fieldOfView = 0.42;  ///< radians, in (0, 3), of a view's longer side; perspective only
   Framing framing = Framing::SameScale;
 };
 

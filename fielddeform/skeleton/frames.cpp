@@ -5,8 +5,10 @@
 #include <fielddeform/numeric/rotation.h>
 #include <fielddeform/skeleton/frames.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 namespace fielddeform::skeleton {
 namespace {
@@ -155,31 +157,57 @@ void fitMesh(SampledPair& s, Index i, const Primitive& rest) {
 constexpr int kTogetherRounds = 4;
 
 // Second stage: neighbouring samples of all primitives together decide what one thin primitive cannot.
-std::vector<Quat> fitTogether(const SampledPair& s) {
-  const std::size_t n = s.rest.size();
-  std::vector<Quat> out(n);
-  constexpr double kReach = 36 / 8.0;  // exp(-36) is below rounding
-  parallelFor(n, 16, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t j = begin; j < end; ++j) {
-      double mass = 0;
-      Mat3 c = Mat3::Zero();
-      for (std::size_t m = 0; m < n; ++m) {
-        const Vec3 p = s.rest[m] - s.rest[j];
-        const double reach = kReach * s.set.samples[m].radius;
-        const double d2 = p.squaredNorm();
-        if (d2 > reach * reach) continue;
-        const double w = s.set.samples[m].mass * numeric::exp(-8 * std::sqrt(d2) / s.set.samples[m].radius);
-        mass += w;
-        c += w * p * (s.posed[m] - s.posed[j]).transpose();
-      }
-      if (mass > 0) c /= mass;
-      const Vec3 sigma = Eigen::JacobiSVD<Mat3>(c).singularValues();
-      out[j] = fit(c + (0.3 * sigma[1] + 1e-9 * c.norm()) * s.rotation[j].toRotationMatrix().transpose());
-      if (c.norm() == 0) out[j] = s.rotation[j];
+class Neighbourhoods {
+ public:
+  explicit Neighbourhoods(const SampledPair& s) : s_(s), order_(s.rest.size()), key_(s.rest.size()) {
+    // Sorted along the longest axis, the samples in reach of one are a run.
+    Box box;
+    for (const Vec3& p : s.rest) box.extend(p);
+    int axis = 0;
+    box.sizes().maxCoeff(&axis);
+    std::iota(order_.begin(), order_.end(), Index{0});
+    std::stable_sort(order_.begin(), order_.end(), [&](Index a, Index b) { return s.rest[a][axis] < s.rest[b][axis]; });
+    for (std::size_t k = 0; k < key_.size(); ++k) key_[k] = s.rest[order_[k]][axis];
+    for (const Sample& sample : s.set.samples) reach_ = std::max(reach_, kReach * sample.radius);
+    axis_ = axis;
+  }
+
+  std::vector<Quat> fitTogether() const {
+    std::vector<Quat> out(s_.rest.size());
+    parallelFor(out.size(), 16, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t j = begin; j < end; ++j) out[j] = fitAt(j);
+    });
+    return out;
+  }
+
+ private:
+  static constexpr double kReach = 36 / 8.0;  // radii; exp(-36) is below rounding
+
+  Quat fitAt(std::size_t j) const {
+    double mass = 0;
+    Mat3 c = Mat3::Zero();
+    const auto first = std::lower_bound(key_.begin(), key_.end(), s_.rest[j][axis_] - reach_) - key_.begin();
+    for (std::size_t k = static_cast<std::size_t>(first); k < key_.size() && key_[k] <= s_.rest[j][axis_] + reach_; ++k) {
+      const Index m = order_[k];
+      const Vec3 p = s_.rest[m] - s_.rest[j];
+      const double radius = s_.set.samples[m].radius, reach = kReach * radius, d2 = p.squaredNorm();
+      if (d2 > reach * reach) continue;
+      const double w = s_.set.samples[m].mass * numeric::exp(-8 * std::sqrt(d2) / radius);
+      mass += w;
+      c += w * p * (s_.posed[m] - s_.posed[j]).transpose();
     }
-  });
-  return out;
-}
+    if (mass > 0) c /= mass;
+    if (c.norm() == 0) return s_.rotation[j];
+    const Vec3 sigma = Eigen::JacobiSVD<Mat3>(c).singularValues();
+    return fit(c + (0.3 * sigma[1] + 1e-9 * c.norm()) * s_.rotation[j].toRotationMatrix().transpose());
+  }
+
+  const SampledPair& s_;
+  std::vector<Index> order_;
+  std::vector<double> key_;
+  double reach_ = 0;
+  int axis_ = 0;
+};
 
 }  // namespace
 
@@ -200,7 +228,9 @@ void fitFrames(SampledPair& pair, const Skeleton& restSkeleton, const Skeleton& 
       together = together || (rest.points.size() > 1 && !posed.rotation);
     }
   }
-  for (int k = 0; together && k < kTogetherRounds; ++k) pair.rotation = fitTogether(pair);
+  if (!together) return;
+  const Neighbourhoods neighbourhoods(pair);
+  for (int k = 0; k < kTogetherRounds; ++k) pair.rotation = neighbourhoods.fitTogether();
 }
 
 }  // namespace fielddeform::skeleton

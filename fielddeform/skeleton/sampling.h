@@ -33,7 +33,7 @@ struct SampleSet {
 /// Samples at spacing <= spacing * radius, coarser where that would give more than `limit` samples besides the points.
 /// Masses: half of each neighbouring piece's length, a third of each neighbouring (sub-)triangle's area.
 /// @throw std::invalid_argument if a primitive has no radius
-SampleSet sampleSkeleton(const Skeleton& skeleton, double spacing = 0.25, std::size_t limit = 65536);
+SampleSet sampleSkeleton(const Skeleton& skeleton, double spacing = 0.25, std::size_t limit = 4096);
 
 /// The point's radius: its own, else the primitive's, world units.
 double radiusOf(const Primitive& primitive, Index point);

@@ -83,6 +83,13 @@ TEST(Obj, NumbersAreTheNearestDoubles) {
   expectSame(mesh, parse(roundTrip(file, "t.obj"), "t.obj"));
 }
 
+// Found by fuzzing: the reader looked one byte behind a last line that has no end.
+TEST(Obj, TheLastLineNeedsNoEnd) {
+  for (const char* end : {"", "\n", "\r\n", "\r"})
+    EXPECT_EQ(parse(std::string("v 0 0 0\nv 1 1 1\np 1") + end, "t.obj").loosePoints().size(), 1u);
+  EXPECT_EQ(parse("v 0 0 0", "t.obj").vertexCount(), 1u);
+}
+
 TEST(Obj, ErrorsNameLineElementFoundAndExpected) {
   const std::string v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
   EXPECT_EQ(errorOf(v + "f 1 2 4\n", "t.obj"), "t.obj:4: face 0: vertex 4, expected 1 to 3");
@@ -152,6 +159,12 @@ TEST(Obj, MaterialLibrariesStayValidInAnotherFolder) {
           points);
   (void)writeMesh(mesh, folder / "in/u.obj");
   EXPECT_EQ(folder.get("in/u.obj"), folder.get("in/t.obj"));
+}
+
+// Found by fuzzing: a name on a second line was never passed.
+TEST(Obj, MaterialLibrariesMayGoOnOnTheNextLine) {
+  const std::string file = "mtllib a.mtl\\\n b.mtl \\\r\nc.mtl\nv 0 0 0\n";
+  EXPECT_EQ(roundTrip(file, "t.obj"), file);
 }
 
 TEST(Obj, WritingOverTheInputIsSafeAndAFailedWriteLeavesNothing) {

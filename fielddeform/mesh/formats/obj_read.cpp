@@ -194,7 +194,8 @@ class ObjReader {
     }
     const char* stop = lineEnd(at_);
     // The other kind of line end in mid-line would hide what follows it.
-    if (stop > at_ + (newline_ == '\n' && *at_ == '\r')) fail(at_, "", "a stray line end", "one kind of line end");
+    if (stop > at_ + (at_ < end_ && newline_ == '\n' && *at_ == '\r'))
+      fail(at_, "", "a stray line end", "one kind of line end");
     at_ = stop + (stop < end_);
   }
 

@@ -233,7 +233,8 @@ class ObjWriter {
       for (const char* p = names; p < stop;) {
         const char* token = skipToken(p, stop);
         moved += relocated(std::string(p, token), layout_->folder, context_.folder);
-        p = skipBlanks(token, stop);
+        p = token;
+        while (p < stop && (isBlank(*p) || isEol(*p))) ++p;  // the statement may go on over several lines
         moved.append(token, p);
       }
     }

@@ -153,7 +153,9 @@ void placeCells(const Picture& picture, const Eigen::Vector2d& object, Sheet& sh
   const int rows = rowsFor(columns);
   sheet.width = picture.width;
   sheet.height =
-      picture.height ? *picture.height : std::clamp(static_cast<int>(std::lround(heightFor(columns))), 16, 16384);
+      picture.height
+          ? *picture.height
+          : std::clamp(static_cast<int>(std::lround(std::min(heightFor(columns), 1.25 * picture.width))), 16, 16384);
   sheet.capitalHeight = static_cast<float>(text);
   const int cellWidth = std::max(1, width / columns), cellHeight = std::max(1, sheet.height / rows - band);
   for (std::size_t i = 0; i < sheet.views.size(); ++i) {
@@ -241,8 +243,8 @@ Sheet layOutSheet(const Picture& picture) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     const ViewFrame& frame = sheet.views[i];
     const double aspect = static_cast<double>(frame.cell.width) / frame.cell.height;
-    const double shorter = std::tan(camera.fieldOfView / 2);
-    tangents = {shorter * std::max(1.0, aspect), shorter * std::max(1.0, 1 / aspect)};
+    const double longer = std::tan(camera.fieldOfView / 2);
+    tangents = {longer * std::min(1.0, aspect), longer * std::min(1.0, 1 / aspect)};
     fits.push_back(camera.projection == Projection::Perspective
                        ? fitPerspective(points[i], frame, basis, kMargin * tangents.x(), kMargin * tangents.y())
                        : fitOrthographic(points[i], frame, basis, aspect));
