@@ -161,6 +161,8 @@ std::shared_ptr<const map::Binding> GffdMap::bindMidpoints(const map::Binding& b
   return out;
 }
 
+bool GffdMap::midpointsInherit() const { return impl_->resolved.options.midpointValue == MidpointValue::Mean; }
+
 void GffdMap::apply(const map::Binding& binding, map::MapOutput out, Progress& progress) const {
   const GffdBinding& b = own(binding, *impl_->embedding);
   const std::size_t n = b.size();

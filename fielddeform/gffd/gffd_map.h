@@ -23,6 +23,7 @@ class GffdMap final : public map::SpaceMap {
   std::shared_ptr<const map::Binding> bind(Points rest) const override;
   std::shared_ptr<const map::Binding> bindMidpoints(const map::Binding& binding, Points rest,
                                                     std::span<const std::array<Index, 2>> ends) const override;
+  bool midpointsInherit() const override;
   void apply(const map::Binding& binding, map::MapOutput out, Progress& progress) const override;
   /// By central differences of the whole map, step 1e-5 R.
   void jacobians(const map::Binding& binding, std::span<Mat3> out) const override;

@@ -45,5 +45,38 @@ TEST(ResampledGffd, ABoxOfTwelveTrianglesBentByARightAngleMeetsTheIdealBend) {
   EXPECT_TRUE(mesh::countEdges(mesh::EdgeTable(r.rest)).closed());
 }
 
+TEST(ResampledGffd, InTheFaithfulModeInsertedVerticesInheritTheMeanOfTheirEndsFieldValues) {
+  const mesh::Mesh mesh = box();
+  skeleton::Primitive line;
+  line.name = "line";
+  line.points = {{0, 0, -0.5}, {0, 0, 0.5}};
+  line.radius = 2;
+  skeleton::Skeleton rest{{line}, {}}, posed = rest;
+  posed.primitives[0].points = {{0, 0, -3}, {0, 0, 3}};
+  const auto run = [&](gffd::MidpointValue value, std::unique_ptr<gffd::GffdMap>& map) {
+    gffd::Options options{.predictor = gffd::Predictor::Mls};
+    options.midpointValue = value;
+    map = std::make_unique<gffd::GffdMap>(gffd::resolve(options, mesh, skeleton::pairSkeletons(rest, posed)));
+    Progress silent;
+    return refine(mesh, *map, {.by = Criterion::Stretch}, silent);
+  };
+  std::unique_ptr<gffd::GffdMap> mean, sampled;
+  const Refined a = run(gffd::MidpointValue::Mean, mean), b = run(gffd::MidpointValue::Sampled, sampled);
+  EXPECT_TRUE(mean->midpointsInherit());
+  EXPECT_FALSE(sampled->midpointsInherit());
+  ASSERT_GT(a.report.insertedVertices, 0u);
+  EXPECT_EQ(a.report.reason, StopReason::Done);
+  EXPECT_NE(a.posed, b.posed);
+  // The first round's vertices, by hand.
+  std::vector<std::array<Index, 2>> ends;
+  for (const auto& e : a.parents)
+    if (e[1] < mesh.vertexCount()) ends.push_back(e);
+  std::vector<Vec3> image(ends.size());
+  Progress silent;
+  const auto binding = mean->bind(mesh.positions());
+  mean->apply(*mean->bindMidpoints(*binding, mesh.positions(), ends), {image, {}, {}, {}}, silent);
+  for (std::size_t i = 0; i < ends.size(); ++i) EXPECT_EQ(image[i], a.posed[mesh.vertexCount() + i]);
+}
+
 }  // namespace
 }  // namespace fielddeform::resample
