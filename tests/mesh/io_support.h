@@ -4,7 +4,12 @@
 #include <fielddeform/mesh/io.h>
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
 #include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -56,6 +61,25 @@ inline void expectSame(const Mesh& a, const Mesh& b) {
     EXPECT_TRUE(x.data == y.data) << x.name;
   }
 }
+
+/// A folder with in/ and out/deep/, gone at the end.
+class Folder {
+ public:
+  Folder() : path_(std::filesystem::path(testing::TempDir()) / ("formats_" + std::to_string(::getpid()))) {
+    std::filesystem::create_directories(path_ / "in");
+    std::filesystem::create_directories(path_ / "out" / "deep");
+  }
+  ~Folder() { std::filesystem::remove_all(path_); }
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+  void put(const std::string& name, const std::string& text) const { std::ofstream(path_ / name) << text; }
+  std::string get(const std::string& name) const {
+    std::ifstream in(path_ / name);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+
+ private:
+  std::filesystem::path path_;
+};
 
 /// Bytes of a scalar, in either order.
 template <class T>

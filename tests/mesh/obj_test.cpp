@@ -1,5 +1,3 @@
-#include <filesystem>
-#include <fstream>
 #include <limits>
 
 #include "io_support.h"
@@ -126,24 +124,6 @@ TEST(Obj, ChildrenOfSplitFacesStayInTheirGroups) {
       meshBytes(refined, Format::Obj),
       "v 0 0 0\nv 1 0 0\ng a\nf 1 4 3\nf 4 2 3\nv 0 1 0\nv 0.5 0 0\ng b\nusemtl m\nf 1 2 3\nf 3 2 4\nf 3 4 1\nl 1 2\n");
 }
-
-class Folder {
- public:
-  Folder() : path_(std::filesystem::path(testing::TempDir()) / ("formats_" + std::to_string(::getpid()))) {
-    std::filesystem::create_directories(path_ / "in");
-    std::filesystem::create_directories(path_ / "out" / "deep");
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  void put(const std::string& name, const std::string& text) const { std::ofstream(path_ / name) << text; }
-  std::string get(const std::string& name) const {
-    std::ifstream in(path_ / name);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-
- private:
-  std::filesystem::path path_;
-};
 
 TEST(Obj, MaterialLibrariesStayValidInAnotherFolder) {
   const Folder folder;

@@ -171,6 +171,18 @@ TEST(Ply, CornerTextureCoordinatesAreLiftedFromTexcoordLists) {
   EXPECT_EQ(roundTrip(file, "t.ply"), file);
 }
 
+TEST(Ply, TextureFilesStayValidInAnotherFolder) {
+  const Folder folder;
+  const auto file = [](const std::string& texture) {
+    return "ply\nformat ascii 1.0\ncomment TextureFile " + texture +
+           "\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
+  };
+  folder.put("in/my skin.png", "");
+  folder.put("in/t.ply", file("my skin.png"));
+  (void)writeMesh(readMesh(folder / "in/t.ply"), folder / "out/deep/t.ply");
+  EXPECT_EQ(folder.get("out/deep/t.ply"), file("../../in/my skin.png"));
+}
+
 TEST(Ply, NonFiniteVerticesAreRefusedByNameOrKeptBitForBit) {
   std::string file =
       "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
