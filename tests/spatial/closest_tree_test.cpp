@@ -88,11 +88,11 @@ TEST(ClosestTree, PointsAndSegmentsAgreeWithBruteForce) {
 }
 
 TEST(ClosestTree, SphereIsWhereItShouldBe) {
-  const Soup s = sphere(100);
+  const Soup s = sphere(60);
   const ClosestTree tree = ClosestTree::ofTriangles(s.points, s.triangles);
-  // A chord of pi/100 lies at most 1 - cos(pi/200 * sqrt 2) inside the sphere.
-  const double sagitta = 2.5e-4;
-  for (std::uint64_t i = 0; i < 20000; ++i) {
+  // A chord of pi/60 lies at most 1 - cos(pi/120 * sqrt 2) inside the sphere.
+  const double sagitta = 7e-4;
+  for (std::uint64_t i = 0; i < 10000; ++i) {
     const Vec3 p = randomPoint(6, i, 2);
     const ClosestPoint hit = tree.closest(p);
     const double d = p.norm() - 1;
