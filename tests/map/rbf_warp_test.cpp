@@ -80,12 +80,15 @@ TEST(RbfWarp, RigidMotionsAreExactForFlatAndStraightCentresToo) {
 }
 
 TEST(RbfWarp, ShiftsHaveNoTurn) {
-  const auto rest = cloud(7, 30);
-  std::vector<Vec3> posed;
-  for (const Vec3& p : rest) posed.push_back(p + Vec3(0.1, 0.7, -0.3));
-  const RbfWarp warp(rest, posed);
-  EXPECT_EQ(warp.jacobian(Vec3(9, 9, 9)), Mat3::Identity());
-  EXPECT_LT((warp.position(Vec3(9, 8, 7)) - Vec3(9.1, 8.7, 6.7)).norm(), 1e-14);
+  auto line = cloud(7, 30);
+  for (Vec3& p : line) p = Vec3(0.3, 0.1, 0.7) + p.x() * Vec3(0.2, -0.9, 0.5);
+  for (const auto& rest : {cloud(7, 30), line}) {
+    std::vector<Vec3> posed;
+    for (const Vec3& p : rest) posed.push_back(p + Vec3(123.1, 56.7, -78.3));  // rounded to 1e-14
+    const RbfWarp warp(rest, posed);
+    EXPECT_EQ(warp.jacobian(Vec3(9, 9, 9)), Mat3::Identity());
+    EXPECT_LT((warp.position(Vec3(9, 8, 7)) - Vec3(132.1, 64.7, -71.3)).norm(), 3e-14);
+  }
 }
 
 TEST(RbfWarp, WithoutRigidPartAFlatSetChangesNothingAcross) {

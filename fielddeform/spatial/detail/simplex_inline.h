@@ -8,7 +8,7 @@ namespace fielddeform::spatial::detail {
 
 // Below this sine squared at corner a the projection on the plane gets the careful treatment, below the second one
 // (rounding of the cross product) there is no plane.
-inline constexpr double kThin = 1e-6, kFlat = 1e-28;
+inline constexpr double kThin = 1e-2, kFlat = 1e-28;
 // Weights below this may be rounding: the edge decides, so that neighbours agree about their common edges and corners.
 inline constexpr double kOnEdge = 1e-13;
 
@@ -39,6 +39,29 @@ inline SimplexHit onSegment(const Vec3& p, const Vec3& a, const Vec3& b) noexcep
   return {e.squaredDistance, e.offset, Vec3(1 - e.t, e.t, 0)};
 }
 
+// Makes the offset perpendicular to both edges of a thin triangle. Its normal is uncertain by rounding / sine; along
+// the longer edge and across it the residual is not.
+inline void refineProjection(const Vec3& ab, const Vec3& ac, double& v, double& w, Vec3& offset) noexcept {
+  const bool swap = ac.squaredNorm() > ab.squaredNorm();
+  const Vec3& e = swap ? ac : ab;
+  const Vec3& f = swap ? ab : ac;
+  double& onE = swap ? w : v;
+  double& onF = swap ? v : w;
+  const double e2 = e.squaredNorm(), t = e.dot(f) / e2;
+  const Vec3 across = f - t * e;
+  const double across2 = across.squaredNorm();
+  if (!(across2 > 0)) return;
+  for (int i = 0; i < 3; ++i) {
+    // Along first: what is left of it would be blown up by 1 / sine in the other step.
+    const double de = e.dot(offset) / e2;
+    offset -= de * e;
+    const double df = across.dot(offset) / across2;
+    offset -= df * across;
+    onE += de - df * t;
+    onF += df;
+  }
+}
+
 inline SimplexHit onTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
   const Vec3 pa = p - a, ab = b - a, ac = c - a;
   const Vec3 n = ab.cross(ac);
@@ -50,14 +73,7 @@ inline SimplexHit onTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const 
     const double inverse = 1 / n2;
     double v = n.dot(pa.cross(ac)) * inverse, w = n.dot(ab.cross(pa)) * inverse;
     Vec3 offset = pa - v * ab - w * ac;
-    if (thin) {
-      // One refinement: the offset must be perpendicular to both edges.
-      const double r1 = ab.dot(offset), r2 = ac.dot(offset), g = ab.dot(ac);
-      const double dv = (ac2 * r1 - g * r2) * inverse, dw = (ab2 * r2 - g * r1) * inverse;
-      v += dv;
-      w += dw;
-      offset -= dv * ab + dw * ac;
-    }
+    if (thin) refineProjection(ab, ac, v, w, offset);
     const double u = 1 - v - w;
     if (u >= 0 && v >= 0 && w >= 0) best = {offset.squaredNorm(), offset, Vec3(u, v, w)};
     if (!thin) {
