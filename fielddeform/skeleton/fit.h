@@ -45,6 +45,17 @@ struct PointFitOptions {
 /// @throw std::invalid_argument for options out of range, and if there is no finite vertex
 Skeleton fitPoints(const mesh::Mesh& mesh, const PointFitOptions& options = {});
 
+struct LodFitOptions {
+  std::size_t faces = 200;          ///< of the simplified model at most, where its topology allows; at least 1
+  std::string name = "lod";
+};
+
+/// The object's own simplified model as one mesh primitive. [Qin et al. 2003, Fig. 11]
+/// Its points stand on vertices of the object and correspond by index, whatever pose they are moved to; closed if it
+/// bounds a solid.
+/// @throw std::invalid_argument for options out of range, and if the mesh has no face of three different finite vertices
+Skeleton fitLod(const mesh::Mesh& mesh, const LodFitOptions& options = {});
+
 /// The greatest distance from a finite vertex to a skeleton's points, lines and surfaces; 0 without finite vertices.
 double greatestDistance(Points vertices, const Skeleton& skeleton);
 

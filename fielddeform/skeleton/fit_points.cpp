@@ -1,7 +1,9 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/core/random.h>
+#include <fielddeform/mesh/lod.h>
 #include <fielddeform/skeleton/fit.h>
+#include <fielddeform/skeleton/io.h>
 #include <fielddeform/spatial/closest_tree.h>
 #include <fmt/format.h>
 
@@ -112,6 +114,22 @@ Skeleton fitPoints(const mesh::Mesh& mesh, const PointFitOptions& options) {
   p.name = options.name;
   p.type = PrimitiveType::Points;
   p.points = farthestFirst(candidates, options.points);
+  Skeleton skeleton{{std::move(p)}, {}};
+  fillAutomaticRadius(skeleton, mesh.positions(), kFitRadiusFactor);
+  validate(skeleton);
+  return skeleton;
+}
+
+Skeleton fitLod(const mesh::Mesh& mesh, const LodFitOptions& options) {
+  const mesh::Lod lod = mesh::simplify(mesh, options.faces);
+  if (lod.mesh.faceCount() == 0)
+    throw std::invalid_argument("skeleton: the mesh has no face of three different finite vertices to simplify");
+  Primitive p;
+  p.name = options.name;
+  p.type = PrimitiveType::Mesh;
+  p.points = lod.mesh.positions();
+  for (std::size_t f = 0; f < lod.mesh.faceCount(); ++f) p.faces.emplace_back(lod.mesh.face(f).begin(), lod.mesh.face(f).end());
+  p.closed = boundsSolid(p.faces);
   Skeleton skeleton{{std::move(p)}, {}};
   fillAutomaticRadius(skeleton, mesh.positions(), kFitRadiusFactor);
   validate(skeleton);

@@ -196,6 +196,22 @@ TEST(FitPoints, WorkOnVerticesAloneAndStopWhenThereAreNoMorePlaces) {
   EXPECT_THROW(fitPoints(mesh::Mesh(x, {}), {.points = 0, .seed = 0, .name = "p"}), std::invalid_argument);
 }
 
+TEST(FitLod, StandsOnTheObjectsVertices) {
+  const mesh::Mesh m = tube([](double s) { return Vec3(s * s, 0, 3 * s); }, 0.3);
+  const Skeleton s = fitLod(m, {.faces = 120, .name = "model"});
+  const Primitive& p = s.primitives[0];
+  EXPECT_EQ(p.name, "model");
+  EXPECT_LE(p.faces.size(), 120u);
+  EXPECT_FALSE(p.closed);
+  for (const Vec3& x : p.points) EXPECT_NE(std::find(m.positions().begin(), m.positions().end(), x), m.positions().end());
+  EXPECT_GT(*p.radius, 0);
+  const Primitive solid = fitLod(box(Vec3(1, 2, 3))).primitives[0];
+  EXPECT_TRUE(solid.closed);
+  EXPECT_EQ(solid.faces.size(), 12u);
+  EXPECT_THROW(fitLod(m, {.faces = 0, .name = "x"}), std::invalid_argument);
+  EXPECT_THROW(fitLod(mesh::Mesh({{1, 2, 3}, {4, 5, 6}}, {})), std::invalid_argument);
+}
+
 TEST(FitRadius, GreatestDistanceKnowsEveryType) {
   Primitive points, line, sheet;
   points.name = "p", line.name = "l", sheet.name = "s";
