@@ -2,6 +2,7 @@
 #include <fielddeform/mesh/formats/text.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <set>
 
 namespace fielddeform::mesh::formats {
@@ -81,9 +82,13 @@ class HeaderReader {
   }
   void nextLine() {
     lineStart_ = word_ = at_;
+    if (layout_->eol == "\r") {  // a "\n" behind is data; looking for one in every line would take quadratic time
+      lineEnd_ = std::find(at_, end_, '\r');
+      at_ = lineEnd_ + (lineEnd_ < end_);
+      return;
+    }
     lineEnd_ = findEol(at_, end_);
     at_ = skipEol(lineEnd_, end_);
-    if (layout_->eol == "\r") at_ = lineEnd_ < end_ ? lineEnd_ + 1 : end_;  // a "\n" behind is data
   }
   std::string_view word() {
     word_ = skipBlanks(word_, lineEnd_);
