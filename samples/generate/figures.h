@@ -10,7 +10,8 @@ namespace fielddeform::samples {
 /// @param fineness  1 gives 143 000 vertices, other values in proportion to its square
 mesh::Mesh otter(double fineness = 1);
 
-/// A sitting rabbit of soft balls, 2 units tall, y up, facing +z: closed, about 12 000 vertices.
-mesh::Mesh bunny();
+/// A sitting rabbit of soft balls, 2 units tall, y up, facing +z: closed.
+/// @param fineness  1 gives 10 000 vertices, other values in proportion to its square
+mesh::Mesh bunny(double fineness = 1);
 
 }  // namespace fielddeform::samples

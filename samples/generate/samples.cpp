@@ -4,6 +4,7 @@
 #include <fielddeform/skeleton/io.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "figures.h"
 #include "shapes.h"
@@ -36,30 +37,32 @@ mesh::Mesh drum(double radius, double halfHeight, double middle, int rings, int 
   return revolve(profile, around);
 }
 
-// Figures 8 and 9: the skeleton is a cylinder of radius 0.3 and half height 1; both objects are tubes around it.
+// Figures 8 and 9: the skeleton is a cylinder of radius 0.3 and half height 1; both objects are pipes around it.
 constexpr double kCylinder = 0.3, kInfluence = 0.9;
 
-mesh::Mesh tubeAround(double radius) {
-  const double half = 0.8, round = 0.12;
-  constexpr int kSide = 72, kRound = 8, kCap = 6;
-  std::vector<Eigen::Vector2d> end;  // from the axis outwards, at height -half
-  for (int i = 1; i < kCap; ++i) end.emplace_back((radius - round) * i / kCap, -half);
-  for (int i = 0; i <= kRound; ++i) {
-    const double a = std::acos(-1.0) / 2 * i / kRound;
-    end.emplace_back(radius - round + round * std::sin(a), -half + round - round * std::cos(a));
+/// A pipe about y, fluted, open above and below, its rims round.
+mesh::Mesh pipe(double outer) {
+  const double half = 0.8, wall = 0.06;
+  constexpr int kSide = 72, kRim = 8;
+  std::vector<Eigen::Vector2d> profile;
+  const double middle = outer - wall / 2;
+  for (const double side : {1.0, -1.0}) {  // up the outside, over the rim, down the inside
+    for (int i = 0; i < kSide; ++i) profile.emplace_back(middle + side * wall / 2, side * half * (2.0 * i / kSide - 1));
+    for (int i = 0; i < kRim; ++i) {
+      const double a = std::numbers::pi * i / kRim;
+      profile.emplace_back(middle + side * wall / 2 * std::cos(a), side * (half + wall / 2 * std::sin(a)));
+    }
   }
-  std::vector<Eigen::Vector2d> profile = end;
-  for (int i = 1; i < kSide; ++i) profile.emplace_back(radius, (half - round) * (2.0 * i / kSide - 1));
-  for (auto p = end.rbegin(); p != end.rend(); ++p) profile.emplace_back(p->x(), -p->y());
-  return revolve(profile, 96, [](double angle, double) { return 1 + 0.04 * std::cos(12 * angle); });
+  return revolve(
+      profile, 96, [](double angle, double) { return 1 + 0.04 * std::cos(12 * angle); }, Ends::Joined);
 }
 
 std::vector<skeleton::Primitive> teapotSkeleton() {
   return {polyline("body", line(Vec3(0, 0.1, 0), Vec3(0, 2.5, 0), 13), 2.6),
           polyline("spout",
                    {Vec3(1.9, 0.95, 0), Vec3(2.25, 1.2, 0), Vec3(2.5, 1.55, 0), Vec3(2.68, 1.9, 0), Vec3(2.88, 2.2, 0),
-                    Vec3(3.1, 2.45, 0)},
-                   0.9),
+                    Vec3(3.22, 2.5, 0)},
+                   0.5),
           polyline("handle",
                    {Vec3(-1.65, 2.13, 0), Vec3(-2.25, 2.14, 0), Vec3(-2.65, 2.05, 0), Vec3(-2.83, 1.8, 0),
                     Vec3(-2.75, 1.4, 0), Vec3(-2.45, 1.0, 0), Vec3(-2.0, 0.8, 0)},
@@ -72,21 +75,23 @@ const std::vector<Sample>& samples() {
   static const std::vector<Sample> list{
       {"otter", "otter.ply", "scan-like figurine with colours, more than 100 000 vertices",
        [](const path& p) { write(otter(), p); }},
-      {"bar", "bar.obj", "rounded square bar, 4 long (Figure 7)", [](const path& p) { write(bar(4, 1, 80), p); }},
-      {"bar-spine", "bar-spine.json", "line skeleton of the bar",
-       [](const path& p) { write({polyline("spine", line(Vec3(0, -1.8, 0), Vec3(0, 1.8, 0), 33), 1.4)}, p); }},
-      {"tube-near", "tube-near.obj", "fluted tube close around the cylinder skeleton (Figure 8)",
-       [](const path& p) { write(tubeAround(0.4), p); }},
-      {"tube-far", "tube-far.obj", "the same tube far from the cylinder skeleton (Figure 9)",
-       [](const path& p) { write(tubeAround(1.0), p); }},
+      {"baluster", "baluster.obj", "turned baluster, 4 long (Figure 7)", [](const path& p) { write(baluster(), p); }},
+      {"baluster-spine", "baluster-spine.json", "a line through it",
+       [](const path& p) { write({polyline("spine", line(Vec3(0, -1.8, 0), Vec3(0, 1.8, 0), 37), 1.2)}, p); }},
+      {"pipe-near", "pipe-near.obj", "fluted pipe close around the cylinder skeleton (Figure 8)",
+       [](const path& p) { write(pipe(0.43), p); }},
+      {"pipe-far", "pipe-far.obj", "the same pipe far from the cylinder skeleton (Figure 9)",
+       [](const path& p) { write(pipe(1.1), p); }},
       {"cylinder", "cylinder.json", "cylinder skeleton",
-       [](const path& p) { write({solid("core", drum(kCylinder, 1, 1, 21, 32), kInfluence)}, p); }},
+       [](const path& p) { write({solid("core", drum(kCylinder, 1, 1, 13, 32), kInfluence)}, p); }},
       {"cylinder-waisted", "cylinder-waisted.json", "the cylinder's replacement: waisted, other vertices",
-       [](const path& p) { write({solid("core", drum(kCylinder, 1, 0.4, 29, 40), kInfluence)}, p); }},
+       [](const path& p) { write({solid("core", drum(kCylinder, 1, 0.4, 17, 40), kInfluence)}, p); }},
       {"teapot", "teapot.obj", "the Utah teapot, 32 patches (Figure 10)", [](const path& p) { write(teapot(16), p); }},
       {"teapot-skeleton", "teapot-skeleton.json", "lines through body, spout and handle",
        [](const path& p) { write(teapotSkeleton(), p); }},
       {"bunny", "bunny.obj", "rabbit of soft balls (Figure 11)", [](const path& p) { write(bunny(), p); }},
+      {"bunny-lod", "bunny-lod.json", "the rabbit's coarse model as a skeleton",
+       [](const path& p) { write({solid("lod", bunny(0.3), 0.3)}, p); }},
   };
   return list;
 }

@@ -8,14 +8,19 @@
 
 namespace fielddeform::samples {
 
+enum class Ends : std::uint8_t {
+  Axis,    ///< a vertex on the axis closes the first and the last ring
+  Joined,  ///< the last ring joins the first: a closed profile that does not touch the axis
+};
+
 /// A closed surface of revolution about y: rings of `around` vertices at (radius, height), from the lowest to the
-/// highest, closed by a vertex on the axis at both ends. Quads but for the ends.
+/// highest (joined: counter-clockwise with the radius to the right). Quads but for the ends.
 /// @param ripple  factor on the radius by angle (radians) and height
 mesh::Mesh revolve(const std::vector<Eigen::Vector2d>& profile, int around,
-                   const std::function<double(double, double)>& ripple = {});
+                   const std::function<double(double, double)>& ripple = {}, Ends ends = Ends::Axis);
 
-/// A bar of square section with rounded edges along y, `length` by `width`, closed, quads.
-mesh::Mesh bar(double length, double width, int segments);
+/// A turned baluster along y, 4 long, about 1 wide, with fluting; closed, quads.
+mesh::Mesh baluster();
 
 /// The Utah teapot of 32 bicubic patches, y up, 3.15 high, spout towards +x: body, lid, handle and spout as they were
 /// modelled, four pieces that touch one another. Quads.  [Newell 1975]

@@ -190,17 +190,18 @@ Strokes makeStrokes(const Overlay& overlay, const ViewFrame& frame) {
       addTube(strokes, placed(frame, p[a]), placed(frame, p[b]), r);
     };
     if (primitive.type == skeleton::PrimitiveType::Mesh) {
-      for (const std::uint64_t e : edgesOf(
-               primitive.faces.size(), [&](std::size_t f) -> const auto& { return primitive.faces[f]; })) {
-        tube(e >> 32, e & 0xFFFFFFFFu, 0.45f * radius);
-      }
+      const auto edges = edgesOf(
+          primitive.faces.size(), [&](std::size_t f) -> const auto& { return primitive.faces[f]; });
+      // Many edges get thin, so that the object shows between them.
+      const float thin = std::clamp(std::sqrt(400.0f / static_cast<float>(edges.size() + 1)), 0.35f, 1.0f);
+      for (const std::uint64_t e : edges) tube(e >> 32, e & 0xFFFFFFFFu, 0.45f * thin * radius);
       continue;
     }
     const bool line = primitive.type == skeleton::PrimitiveType::Polyline;
     for (std::size_t i = 0; line && i + 1 < p.size() + (primitive.closed ? 1 : 0); ++i)
       tube(i, (i + 1) % p.size(), radius);
     // Joints of a polyline show while they stay apart from one another.
-    const bool joints = !line || p.size() <= 40;
+    const bool joints = !line || p.size() <= 24;
     for (std::size_t i = 0; i < p.size(); ++i) {
       const bool end = line && !primitive.closed && (i == 0 || i + 1 == p.size());
       if (joints || end)
