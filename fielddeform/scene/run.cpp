@@ -137,12 +137,10 @@ class Runner {
       carried.data = mask_;
       mesh_.attributes().push_back(std::move(carried));
     }
-    resample::Options options = *scene_.resample;
-    const gffd::Options& tracking = map_->resolved().options;
-    if (tracking.guard && tracking.corrector && !map_->isIdentity())
-      options.meshStep = [this](const mesh::Mesh& rest, const map::MapOutput& state) { guardRefined(*map_, rest, state); };
     posed_ = {};
-    resample::Refined refined = resample::refine(mesh_, *map_, options, progress_);
+    resample::Refined refined = refine();
+    if (map_->resolved().predictorWasAutomatic && map_->resolved().options.predictor == gffd::Predictor::Axial)
+      retryWithMls(refined);
     mesh_ = std::move(refined.rest);
     posed_ = {std::move(refined.posed), std::move(refined.status), std::move(refined.residual)};
     result_.report.insertedVertices = mesh_.vertexCount() - before;
@@ -150,6 +148,31 @@ class Runner {
     if (mask_.empty()) return;
     mask_ = std::get<std::vector<double>>(mesh_.find(mesh::Element::Vertex, kMaskName)->data);
     std::erase_if(mesh_.attributes(), [](const mesh::Attribute& a) { return a.name == kMaskName; });
+  }
+
+  resample::Refined refine() {
+    resample::Options options = *scene_.resample;
+    const gffd::Options& tracking = map_->resolved().options;
+    if (tracking.guard && tracking.corrector && !map_->isIdentity())
+      options.meshStep = [this](const mesh::Mesh& rest, const map::MapOutput& state) { guardRefined(*map_, rest, state); };
+    return resample::refine(mesh_, *map_, options, progress_);
+  }
+
+  // Between the vertices that "auto" looked at, the closest frame may jump: inserted vertices bring that to light.
+  void retryWithMls(resample::Refined& refined) {
+    const auto folds = [](const resample::Refined& r) { return mesh::countFolds(r.rest, r.rest.positions(), r.posed); };
+    const std::size_t before = folds(refined);
+    if (before == 0 && refined.report.reason == resample::StopReason::Done) return;
+    const gffd::GffdMap axial = *map_;
+    map_ = axial.withPredictor(gffd::Predictor::Mls);
+    resample::Refined second = refine();
+    const std::size_t after = folds(second);
+    if (after > before || (after == before && second.report.remaining >= refined.report.remaining)) {
+      map_ = axial;
+      return;
+    }
+    refined = std::move(second);
+    warn(fmt::format("inserted vertices showed {} folded edges of axial, mls has {} and was taken", before, after));
   }
 
   void measure() {
