@@ -87,7 +87,58 @@ void closeLoop(std::vector<Quat>& r, const std::vector<Vec3>& t0, const std::vec
   }
 }
 
-void fitLine(SampledPair& s, Index i, const Primitive& rest, const Primitive& posed) {
+// How far a line's bends tell its spin, in [0, 1]: 1 for a rigid motion of a line that is not straight; near 0 if the
+// line is straight, or if it was bent by more than a fifth of its own deviation from straight.
+double spinEvidence(const SampledPair& s, const std::vector<Index>& chain, const Quat& whole) {
+  Vec3 p = Vec3::Zero(), q = Vec3::Zero();
+  double mass = 0;
+  for (const Index j : chain) {
+    mass += s.set.samples[j].mass;
+    p += s.set.samples[j].mass * s.rest[j];
+    q += s.set.samples[j].mass * s.posed[j];
+  }
+  if (!(mass > 0)) return 0;
+  p /= mass;
+  q /= mass;
+  Mat3 spread = Mat3::Zero();
+  double misfit = 0;
+  for (const Index j : chain) {
+    const Vec3 x = s.rest[j] - p;
+    spread += s.set.samples[j].mass * x * x.transpose();
+    misfit += s.set.samples[j].mass * (s.posed[j] - q - whole * x).squaredNorm();
+  }
+  const double across = spread.trace() - Eigen::JacobiSVD<Mat3>(spread).singularValues()[0];
+  if (!(across > 1e-12 * spread.trace())) return 0;
+  const double ratio = 25 * misfit / across;
+  return 1 / (1 + ratio * ratio);
+}
+
+// A line alone does not say how its frames are turned about it. They take the smallest rotations over the whole line, as
+// far as its bends do not tell. (A slightly curved spine that is bent another way would else be spun by up to half a
+// turn, to lay the slight curve over the new one.)
+void settleSpin(const SampledPair& s, const std::vector<Index>& chain, const std::vector<Vec3>& t1, std::size_t root,
+                double evidence, std::vector<Quat>& r) {
+  double c = 0, sn = 0, mass = 0;
+  for (std::size_t j = 0; j < r.size(); ++j) {
+    // trace of turn(t, phi) R = const + 2 (w^2 - u^2) cos phi - 4 w u sin phi, for R = (w, v), u = t . v
+    const double a = s.set.samples[chain[j]].mass, w = r[j].w(), u = t1[j].dot(r[j].vec());
+    mass += a;
+    c += a * 2 * (w * w - u * u);
+    sn -= a * 4 * w * u;
+  }
+  if (!(mass > 0)) return;
+  const Mat3 m = r[root].toRotationMatrix() * covariance(s, chain);
+  const Vec3& t = t1[root];
+  const double c1 = m.trace() - t.dot(m * t);
+  const double s1 = t.dot(Vec3(m(1, 2) - m(2, 1), m(2, 0) - m(0, 2), m(0, 1) - m(1, 0)));
+  const double amplitude = std::hypot(c1, s1);
+  const double known = amplitude > 0 ? evidence / amplitude : 0, rest = (1 - evidence) / (2 * mass);
+  const double phi = std::atan2(known * s1 + rest * sn, known * c1 + rest * c);
+  if (phi == 0) return;
+  for (std::size_t j = 0; j < r.size(); ++j) r[j] = (turnAbout(t1[j], phi) * r[j]).normalized();
+}
+
+void fitLine(SampledPair& s, Index i, const Primitive& rest, const Primitive& posed, bool alone) {
   const auto& chain = s.set.chain[i];
   const std::size_t n = chain.size();
   const std::vector<Vec3> t0 = tangents(s.rest, chain, rest.closed), t1 = tangents(s.posed, chain, rest.closed);
@@ -115,6 +166,8 @@ void fitLine(SampledPair& s, Index i, const Primitive& rest, const Primitive& po
   } else {
     for (std::size_t j = root; j + 1 < n; ++j) carry(j, j + 1);
     for (std::size_t j = root; j > 0; --j) carry(j, j - 1);
+    if (const double evidence = alone ? spinEvidence(s, chain, whole) : 1; evidence < 1)
+      settleSpin(s, chain, t1, root, evidence, r);
   }
   for (std::size_t j = 0; j < n; ++j) {
     const Sample& sample = s.set.samples[chain[j]];
@@ -220,7 +273,7 @@ void fitFrames(SampledPair& pair, const Skeleton& restSkeleton, const Skeleton& 
   bool together = restSkeleton.primitives.size() > 1;
   for (Index i = 0; i < restSkeleton.primitives.size(); ++i) {
     const Primitive &rest = restSkeleton.primitives[i], &posed = posedSkeleton.primitives[i];
-    if (rest.type == PrimitiveType::Polyline && pair.set.chain[i].size() > 1) fitLine(pair, i, rest, posed);
+    if (rest.type == PrimitiveType::Polyline && pair.set.chain[i].size() > 1) fitLine(pair, i, rest, posed, restSkeleton.primitives.size() == 1);
     if (rest.type == PrimitiveType::Mesh) fitMesh(pair, i, rest);
     if (rest.type == PrimitiveType::Points) {
       const Quat own = posed.rotation ? *posed.rotation * rest.rotation.value_or(Quat::Identity()).conjugate() : pair.global;
