@@ -9,6 +9,7 @@ struct SampledPair {
   SampleSet set;
   std::vector<Vec3> rest;      ///< #S, world
   std::vector<Vec3> posed;     ///< #S, world
+  std::vector<double> scale;   ///< #S, posed influence radius / rest one: how the space across the skeleton grows
   std::vector<Quat> rotation;  ///< #S, rest to posed; filled by fitFrames
   Quat global = Quat::Identity();  ///< the best rotation of all samples
 };

@@ -36,6 +36,23 @@ TEST(FieldEdits, ALargerRadiusScalesTheDistance) {
   EXPECT_EQ(count(d, Status::Converged), mesh.vertexCount());
 }
 
+TEST(FieldEdits, RadiiPerPointTaperTheObjectExactly) {
+  const mesh::Mesh mesh = smallCapsule(0);
+  skeleton::Skeleton rest = lineSkeleton(verticalLine(33, 2.6), .6), posed = rest;
+  for (const Vec3& p : rest.primitives[0].points) posed.primitives[0].pointRadius.push_back(.6 * (1 - .25 * (p.z() + 1.3)));
+  for (const Predictor predictor : {Predictor::Auto, Predictor::Mls, Predictor::Axial}) {
+    const Deformed d = track(mesh, rest, posed, {.predictor = predictor});
+    EXPECT_EQ(count(d, Status::Limited), 0u);
+    for (std::size_t i = 0; i < mesh.vertexCount(); ++i) {
+      const Vec3& p = mesh.positions()[i];
+      if (std::abs(p.z()) > 1) continue;  // the caps have their feet beyond the line's sharp ends
+      const double scale = 1 - .25 * (p.z() + 1.3);
+      // The closest frame is exact; moving least squares scales about the mean of a neighbourhood.
+      ASSERT_LT((d.position[i] - Vec3(scale * p.x(), scale * p.y(), p.z())).norm(), predictor == Predictor::Mls ? .03 : 1e-4);
+    }
+  }
+}
+
 TEST(FieldEdits, ALargerWeightPushesOutwardsByItsLogarithm) {
   // S = w (e^-x - e^-k): the value is kept where e^-x' = (e^-x - e^-k) / w + e^-k.
   const mesh::Mesh mesh = sphere(.4);

@@ -22,7 +22,7 @@ AxialPredictor::AxialPredictor(std::shared_ptr<const field::Field> field, const 
     : field_(std::move(field)), set_(samples.set) {
   frames_.resize(samples.rest.size());
   for (std::size_t j = 0; j < frames_.size(); ++j)
-    frames_[j] = {samples.rest[j], samples.posed[j] - samples.rest[j], samples.rotation[j]};
+    frames_[j] = {samples.rest[j], samples.posed[j] - samples.rest[j], samples.rotation[j], samples.scale[j]};
 }
 
 AxialPredictor::Frame AxialPredictor::frameAt(std::size_t primitive, const field::PrimitiveHit& hit) const {
@@ -36,7 +36,8 @@ AxialPredictor::Frame AxialPredictor::frameAt(std::size_t primitive, const field
     const Index piece = std::min<Index>(count - 1, static_cast<Index>(std::max(along, 0.0)));
     const double t = along - piece;
     const Frame &a = frames_[chain[begin + piece]], &b = frames_[chain[(begin + piece + 1) % chain.size()]];
-    return {a.rest + t * (b.rest - a.rest), a.move + t * (b.move - a.move), mix(a.rotation, b.rotation, t)};
+    return {a.rest + t * (b.rest - a.rest), a.move + t * (b.move - a.move), mix(a.rotation, b.rotation, t),
+            a.scale + t * (b.scale - a.scale)};
   }
   const auto& at = set_.vertexSample[primitive];
   Frame f = frames_[at[hit.vertex[0]]];
@@ -45,11 +46,13 @@ AxialPredictor::Frame AxialPredictor::frameAt(std::size_t primitive, const field
   const Quat first = f.rotation;
   f.rest.setZero();
   f.move.setZero();
+  f.scale = 0;
   for (int k = 0; k < 3; ++k) {
     if (hit.vertex[k] == kNoIndex) continue;
     const Frame& v = frames_[at[hit.vertex[k]]];
     f.rest += hit.weight[k] * v.rest;
     f.move += hit.weight[k] * v.move;
+    f.scale += hit.weight[k] * v.scale;
     q += (v.rotation.dot(first) < 0 ? -hit.weight[k] : hit.weight[k]) * v.rotation.coeffs();
   }
   if (q.norm() > 0) f.rotation.coeffs() = q / q.norm();
@@ -69,7 +72,7 @@ LocalMotion AxialPredictor::at(const Vec3& point) const {
   const std::size_t n = field_->primitiveCount();
   const auto motion = [&](const Frame& f) {
     const Vec3 back = f.rest - point;
-    return LocalMotion{f.rotation, f.move - (f.rotation * back - back)};
+    return LocalMotion{f.rotation, f.move - (f.scale * (f.rotation * back) - back)};
   };
   if (n == 1) return motion(frameAt(0, field_->closest(0, point)));
   std::vector<LocalMotion> motions(n);

@@ -9,7 +9,8 @@
 
 namespace fielddeform::gffd::detail {
 
-/// Closest-frame prediction: the foot of the point on a primitive carries the point with its frame; several primitives
+/// Closest-frame prediction: the foot of the point on a primitive carries the point with its frame, at a distance that grows
+/// with the influence radius there; several primitives
 /// are blended with exp(-4 d_i / r_i) as dual quaternions. [Lazarus et al. 1994, for any primitive]
 class AxialPredictor {
  public:
@@ -23,6 +24,7 @@ class AxialPredictor {
   struct Frame {
     Vec3 rest, move;
     Quat rotation;
+    double scale;
   };
   Frame frameAt(std::size_t primitive, const field::PrimitiveHit& hit) const;
 

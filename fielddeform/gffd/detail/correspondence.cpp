@@ -108,6 +108,19 @@ void replaceLine(SampledPair& s, const std::vector<Index>& chain, const Primitiv
     s.posed[chain[j]] = alongLine(posed, back < there ? 1 - share[j] : share[j]);
 }
 
+// The influence radius that a sample has in the pose; a replaced primitive's points are not its own, their mean serves.
+double posedRadius(const Primitive& posed, const skeleton::Sample& sample, PairKind kind) {
+  double radius = 0;
+  if (kind == PairKind::Matched) {
+    for (int k = 0; k < 3; ++k)
+      if (sample.vertex[k] != kNoIndex) radius += sample.weight[k] * skeleton::radiusOf(posed, sample.vertex[k]);
+    return radius;
+  }
+  const auto n = static_cast<Index>(posed.points.size());
+  for (Index v = 0; v < n; ++v) radius += skeleton::radiusOf(posed, v) / n;
+  return radius;
+}
+
 }  // namespace
 
 MovingPart movingPart(const skeleton::SkeletonPair& pair) {
@@ -135,8 +148,10 @@ SampledPair sampleMotion(const MovingPart& part, const Skeleton& posed, const fi
   const std::size_t n = s.set.samples.size();
   s.rest.resize(n);
   s.posed.resize(n);
+  s.scale.resize(n);
   for (std::size_t j = 0; j < n; ++j) {
     const Index i = s.set.samples[j].primitive;
+    s.scale[j] = posedRadius(posed.primitives[part.posedIndex[i]], s.set.samples[j], part.kind[i]) / s.set.samples[j].radius;
     s.rest[j] = s.set.position(part.rest, j);
     s.posed[j] = part.kind[i] == PairKind::Matched ? s.set.position(target, j)
                                                    : posedField.closest(part.posedIndex[i], (*moments[i])(s.rest[j])).point;

@@ -43,13 +43,13 @@ MlsPredictor::MlsPredictor(const skeleton::SampledPair& pair) {
   for (const std::uint32_t j : mortonOrder(pair.rest)) {
     const skeleton::Sample& s = pair.set.samples[j];
     if (!(s.mass > 0)) continue;
-    samples_.push_back({pair.rest[j], pair.posed[j] - pair.rest[j], s.mass, 1 / s.radius, pair.rotation[j].toRotationMatrix()});
+    samples_.push_back({pair.rest[j], pair.posed[j] - pair.rest[j], s.mass, 1 / s.radius, pair.scale[j], pair.rotation[j].toRotationMatrix()});
   }
   // A skeleton without extent (coincident points) has no mass: every sample then counts alike.
   if (samples_.empty())
     for (std::size_t j = 0; j < pair.rest.size(); ++j)
       samples_.push_back({pair.rest[j], pair.posed[j] - pair.rest[j], 1, 1 / pair.set.samples[j].radius,
-                          pair.rotation[j].toRotationMatrix()});
+                          pair.scale[j], pair.rotation[j].toRotationMatrix()});
   for (Index b = 0; b < samples_.size(); b += kBlock) {
     Block block{Vec3::Zero(), 0, 0, 0, b, std::min<Index>(b + kBlock, static_cast<Index>(samples_.size()))};
     Box box;
@@ -75,8 +75,8 @@ LocalMotion MlsPredictor::at(const Vec3& point) const {
     for (Index j = b.begin; j < b.end; ++j)
       nearest = std::min(nearest, (samples_[j].rest - point).norm() * samples_[j].inverseRadius);
   }
-  // Rows: weight, w p, w u, w p u^T, w p p^T (upper), w R^T; p relative to the point, u = q - p.
-  constexpr int kRows = 1 + 3 + 3 + 9 + 6 + 9;
+  // Rows: weight, w p, w u, w p u^T, w p p^T (upper), w R^T, w s; p relative to the point, u = q - p.
+  constexpr int kRows = 1 + 3 + 3 + 9 + 6 + 9 + 1;
   std::array<double, kRows> sum{};
   const double reach = nearest + kCutoff / kSharpness;
   for (const Block& b : blocks_) {
@@ -99,7 +99,7 @@ LocalMotion MlsPredictor::at(const Vec3& point) const {
           p[0] * s.move[2], p[1] * s.move[2], p[2] * s.move[2],
           p[0] * p[0], p[0] * p[1], p[0] * p[2], p[1] * p[1], p[1] * p[2], p[2] * p[2],
           s.rotation(0, 0), s.rotation(0, 1), s.rotation(0, 2), s.rotation(1, 0), s.rotation(1, 1), s.rotation(1, 2),
-          s.rotation(2, 0), s.rotation(2, 1), s.rotation(2, 2)};
+          s.rotation(2, 0), s.rotation(2, 1), s.rotation(2, 2), s.scale};
       for (int k = 0; k < kRows; ++k) sum[k] += w * row[k];
     }
   }
@@ -116,7 +116,7 @@ LocalMotion MlsPredictor::at(const Vec3& point) const {
   const double size = c.norm();
   // A single sample in reach has no spread: its frame alone decides.
   const Mat3 r = numeric::kabsch(size > 0 ? Mat3(c / size + 0.3 * frames) : frames);
-  return {Quat(r), u - (r * p - p)};
+  return {Quat(r), u - (sum[31] * (r * p) - p)};
 }
 
 }  // namespace fielddeform::gffd::detail

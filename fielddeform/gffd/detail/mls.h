@@ -9,7 +9,8 @@ namespace fielddeform::gffd::detail {
 
 /// Moving least squares of rigid motions over the samples of a skeleton, with their frames. [Schaefer et al. 2006 for
 /// the rigid fit; weights and frames: docs/tracking.md]
-///   w_j ~ a_j exp(-8 |P - p_j| / r_j);   R = Kabsch(C + 0.3 |C| sum w R_j^T)
+///   w_j ~ a_j exp(-8 |P - p_j| / r_j);   R = Kabsch(C + 0.3 |C| sum w R_j^T);   P -> q* + sum w s_j R (P - p*)
+/// with s_j the posed influence radius over the rest one.
 class MlsPredictor {
  public:
   explicit MlsPredictor(const skeleton::SampledPair& samples);
@@ -19,7 +20,7 @@ class MlsPredictor {
  private:
   struct Sample {
     Vec3 rest, move;   // q - p
-    double mass, inverseRadius;
+    double mass, inverseRadius, scale;
     Mat3 rotation;
   };
   struct Block {
