@@ -151,6 +151,24 @@ TEST(Refine, BoxOfTwelveTrianglesFollowsAQuarterCircle) {
   }
 }
 
+TEST(Refine, AQuadWithStraightEdgesIsDividedWhereItsDiagonalLeavesTheSurface) {
+  const FunctionMap saddle([](const Vec3& p) { return Vec3(p.x(), p.y(), p.x() * p.y()); });
+  const Mesh m = grid(1, 4);
+  const Refined r = run(m, saddle, {.maxDeviation = 1e-2});
+  expectSound(m, r);
+  EXPECT_EQ(r.report.reason, StopReason::Done);
+  double worst = 0;  // height of the middle of each triangle and side over z = x y
+  for (std::size_t f = 0; f < r.rest.faceCount(); ++f)
+    r.rest.forEachTriangle(f, [&](Index a, Index b, Index c) {
+      const auto& p = r.posed;
+      for (const Vec3& x : {Vec3((p[a] + p[b] + p[c]) / 3), Vec3((p[a] + p[b]) / 2), Vec3((p[b] + p[c]) / 2), Vec3((p[a] + p[c]) / 2)})
+        worst = std::max(worst, std::abs(x.z() - x.x() * x.y()));
+    });
+  // The size is sqrt(2), and heights over the surface are at most sqrt(3) of distances: the gradient of z - x y.
+  EXPECT_LE(worst, 1e-2 * std::sqrt(2.0) * std::sqrt(3.0));
+  EXPECT_GT(r.rest.faceCount(), 2u);
+}
+
 TEST(Refine, StraightEdgesAreDividedToo_WhereTheirFacesWouldBecomeSlivers) {
   // The edges across the bend stay straight, so nothing else would ever divide them.
   const Mesh box(moved(cube(), [](const Vec3& p) { return Vec3(p.x() - 1, p.y(), p.z()); }), cube().corners());
