@@ -26,13 +26,14 @@ Quat minimalRotation(const Vec3& a, const Vec3& b) {
   const double la = a.norm(), lb = b.norm();
   if (!(la > 0) || !(lb > 0)) return Quat::Identity();
   const Vec3 u = a / la, v = b / lb;
-  const double c = u.dot(v);
-  if (c < -1 + 1e-14) {
+  // 1 + cos without cancellation near opposite directions.
+  const double c1 = 0.5 * (u + v).squaredNorm();
+  if (c1 < 1e-24) {
     const Vec3 axis = anyPerpendicular(u);
     return Quat(0, axis.x(), axis.y(), axis.z());
   }
   const Vec3 cross = u.cross(v);
-  Quat q(1 + c, cross.x(), cross.y(), cross.z());
+  Quat q(c1, cross.x(), cross.y(), cross.z());
   q.normalize();
   return q;
 }

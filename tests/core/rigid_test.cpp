@@ -41,6 +41,10 @@ TEST(Rigid, MinimalRotationTakesOneDirectionToTheOther) {
     const Vec3 a = someMotion(i).translation - Vec3(0.5, 0.5, 0.5), b = someMotion(i + 100).translation - Vec3(0.5, 0.5, 0.5);
     EXPECT_LT((minimalRotation(a, b) * a.normalized() - b.normalized()).norm(), 1e-14);
   }
+  for (const double off : {1e-3, 1e-6, 1e-9}) {
+    const Vec3 almost = Vec3(-1, off, 0).normalized();
+    EXPECT_LT((minimalRotation(Vec3::UnitX(), almost) * Vec3::UnitX() - almost).norm(), 1e-15 / off + 1e-15) << off;
+  }
   EXPECT_LT((minimalRotation(Vec3::UnitX(), -Vec3::UnitX()) * Vec3::UnitX() + Vec3::UnitX()).norm(), 1e-14);
   EXPECT_TRUE(minimalRotation(Vec3::Zero(), Vec3::UnitX()).isApprox(Quat::Identity()));
 }
