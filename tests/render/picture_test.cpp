@@ -253,9 +253,13 @@ TEST(Render, OcclusionDarkensAConcaveCorner) {
   const Image dark = draw(picture);
   picture.quality.ambient = 0;
   const Image plain = draw(picture);
+  const auto darker = [&](int y) { return at(plain, 60, y)[0] - at(dark, 60, y)[0]; };
+  int rim = 0;
+  while (at(plain, 60, rim) == kBackground) ++rim;
   int joint = 0;
-  for (int y = 0; y < 100; ++y) joint = std::max(joint, at(plain, 60, y)[0] - at(dark, 60, y)[0]);
+  for (int y = 40; y < 60; ++y) joint = std::max(joint, darker(y));  // it lies in the middle
   EXPECT_GT(joint, 15);
+  EXPECT_LT(2 * darker(rim + 2), joint);  // the wall's upper end sees nearly all of its half of the sky
 }
 
 TEST(Render, DegenerateInputGivesAPictureOfWhatThereIs) {
