@@ -240,6 +240,12 @@ TEST_F(Deform, SkeletonsAreMadeAndUsed) {
                               "--about", "y"});
   EXPECT_EQ(result.code, 0) << result.err;
   EXPECT_NE(read("points.obj").find("\np "), std::string::npos);
+  ASSERT_EQ(call({"skeleton", "bar.ply", "-o", "lod.json", "--kind", "lod", "--faces", "40"}).code, 0);
+  const Result same = call({"deform", "bar.ply", "--rest", "lod.json", "--posed", "lod.json", "-o", "same.ply"});
+  ASSERT_EQ(same.code, 0) << same.err;
+  EXPECT_EQ(read("same.ply"), read("bar.ply"));
+  const Result twisted = call({"twist", "bar.ply", "--rest", "lod.json", "--angle", "90", "-o", "twisted.ply", "--check"});
+  EXPECT_EQ(twisted.code, 0) << twisted.err;
 }
 
 }  // namespace
