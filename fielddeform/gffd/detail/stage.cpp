@@ -42,19 +42,20 @@ Stage::Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, con
 void Stage::findRigid(const skeleton::SampledPair& samples, const MovingPart& part, const skeleton::SkeletonPair& pair) {
   // Primitives added or removed change the field; so does any edited radius, weight or potential.
   if (pair.posed.primitives.size() != part.kind.size() || pair.rest.primitives.size() != part.kind.size()) return;
+  // The points themselves: samples within a mesh's triangles carry rounding.
+  bool still = true;
   for (std::size_t i = 0; i < part.kind.size(); ++i) {
     const auto &from = part.rest.primitives[i], &to = pair.posed.primitives[part.posedIndex[i]];
+    still = still && from.points == to.points;
     if (part.kind[i] != skeleton::PairKind::Matched || !sameField(from, to)) return;
     if (to.rotation && !(from.rotation && from.rotation->coeffs() == to.rotation->coeffs())) return;
   }
   Vec3 p = Vec3::Zero(), q = Vec3::Zero();
-  bool still = true;
   Box box;
   const std::size_t n = samples.rest.size();
   for (std::size_t j = 0; j < n; ++j) {
     p += samples.rest[j] / static_cast<double>(n);
     q += samples.posed[j] / static_cast<double>(n);
-    still = still && samples.rest[j] == samples.posed[j];
     box.extend(samples.rest[j]);
   }
   if (still) {
