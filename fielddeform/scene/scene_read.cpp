@@ -1,8 +1,8 @@
 #include <fielddeform/core/angle.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
-#include <fielddeform/scene/edit_json.h>
 #include <fielddeform/scene/scene.h>
+#include <fielddeform/skeleton/edit_io.h>
 #include <fielddeform/skeleton/io.h>
 #include <fmt/format.h>
 
@@ -52,7 +52,7 @@ RestSource readRest(const JsonValue& value, const fs::path& folder) {
   value.allowKeys({"fit", "axis"});
   value.require("fit").word({"axis"});
   AxisRest rest;
-  if (const auto axis = given(value, "axis")) rest.axis = axisFromJson(*axis);
+  if (const auto axis = given(value, "axis")) rest.axis = skeleton::directionFromJson(*axis);
   return rest;
 }
 
@@ -180,7 +180,7 @@ void readParts(const JsonValue& root, const fs::path& folder, Scene& scene) {
   if (skipInvalid) scene.read.invalid = mesh::InvalidPoints::Keep;
   readSkeletons(root.require("skeleton"), folder, scene);
   if (const auto edits = given(root, "edits"))
-    for (const JsonValue edit : edits->array()) scene.edits.push_back(editFromJson(edit));
+    for (const JsonValue edit : edits->array()) scene.edits.push_back(skeleton::editFromJson(edit));
   if (const auto symmetry = given(root, "symmetry")) scene.symmetry = static_cast<Axis>(symmetry->word({"x", "y", "z"}));
   if (const auto field = given(root, "field")) readField(*field, scene.tracking.field);
   if (const auto tracking = given(root, "tracking")) readTracking(*tracking, scene.tracking);

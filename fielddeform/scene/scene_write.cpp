@@ -1,8 +1,8 @@
 #include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/json_writer.h>
 #include <fielddeform/scene/detail/scene_json.h>
-#include <fielddeform/scene/edit_json.h>
 #include <fielddeform/scene/scene.h>
+#include <fielddeform/skeleton/edit_io.h>
 #include <fielddeform/skeleton/io.h>
 
 #include <array>
@@ -130,7 +130,7 @@ void writeSceneBody(JsonWriter& json, const Scene& scene, const fs::path* folder
   json.member("method", "gffd");
   writeSkeletons(json, scene, folder);
   json.key("edits").beginArray();
-  for (const auto& edit : scene.edits) editToJson(edit, json);
+  for (const auto& edit : scene.edits) skeleton::editToJson(edit, json);
   json.end();
   if (scene.symmetry) json.member("symmetry", toString(*scene.symmetry));
   writeTracking(json, scene.tracking);
