@@ -178,6 +178,9 @@ void readParts(const JsonValue& root, const fs::path& folder, Scene& scene) {
   bool skipInvalid = false;
   setFlag(root, "skip_invalid", skipInvalid);
   if (skipInvalid) scene.read.invalid = mesh::InvalidPoints::Keep;
+  bool weld = false;
+  setFlag(root, "weld", weld);
+  if (weld) scene.read.weld = mesh::Weld::Exact;
   readSkeletons(root.require("skeleton"), folder, scene);
   if (const auto edits = given(root, "edits"))
     for (const JsonValue edit : edits->array()) scene.edits.push_back(skeleton::editFromJson(edit));
@@ -203,7 +206,7 @@ void checkTogether(const JsonValue& root, const Scene& scene) {
 Scene sceneOf(const JsonDocument& document) {
   document.requireFormat("fielddeform-scene", 1);
   const JsonValue root = document.root();
-  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "method", "skeleton", "edits", "symmetry",
+  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "skeleton", "edits", "symmetry",
                   "field", "tracking", "resample", "volume", "mask", "output", "check", "extras"});
   Scene scene;
   readParts(root, document.path().parent_path(), scene);

@@ -127,6 +127,7 @@ void writeSceneBody(JsonWriter& json, const Scene& scene, const fs::path* folder
     json.end();
   }
   if (scene.read.invalid == mesh::InvalidPoints::Keep) json.member("skip_invalid", true);
+  if (scene.read.weld == mesh::Weld::Exact) json.member("weld", true);
   json.member("method", "gffd");
   writeSkeletons(json, scene, folder);
   json.key("edits").beginArray();

@@ -187,6 +187,26 @@ TEST_F(Deform, InvalidVerticesAreRefusedOrSkippedAndCounted) {
   EXPECT_NE(read("out.obj").find("v nan 0 0\n"), std::string::npos) << read("out.obj");
 }
 
+TEST_F(Deform, WeldedFacetsAreOneSurfaceAndComeBackAsFacets) {
+  // A tetrahedron as STL: four facets, twelve corners, four places.
+  std::string stl = "solid t\n";
+  const char* corners[] = {"0 0 0", "1 0 0", "0 1 0", "0 0 2"};
+  const int facets[4][3] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  for (const auto& facet : facets) {
+    stl += "facet normal 0 0 0\nouter loop\n";
+    for (const int c : facet) stl += std::string("vertex ") + corners[c] + "\n";
+    stl += "endloop\nendfacet\n";
+  }
+  writeFile(folder / "t.stl", stl + "endsolid t\n");
+  const Result result = call({"twist", "t.stl", "-o", "out.stl", "--angle", "40", "--weld", "--report", "r.json"});
+  ASSERT_EQ(result.code, 0) << result.err;
+  const JsonDocument report = JsonDocument::read(folder / "r.json");
+  EXPECT_EQ(report.root().require("vertices").integer(0, 99), 4u);
+  EXPECT_FALSE(report.root().require("volume").require("before").isNull());
+  const JsonDocument info = JsonDocument::parse(call({"info", "--json", "out.stl"}).out, "out.stl");
+  EXPECT_EQ(info.root().require("vertices").integer(0, 99), 12u);
+}
+
 TEST_F(Deform, AttributesAreWrittenOnceHoweverOften) {
   const std::vector<std::string> names{"--attributes", "status,residual,displacement"};
   ASSERT_EQ(call({"bend", "bar.ply", "-o", "one.ply", "--angle", "30", names[0], names[1]}).code, 0);

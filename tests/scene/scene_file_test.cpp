@@ -70,6 +70,7 @@ TEST(SceneFile, EveryEntrySurvives) {
   Scene scene = parseScene(kWhole, "scene.json");
   scene.seed = 7;
   scene.read.invalid = mesh::InvalidPoints::Keep;
+  scene.read.weld = mesh::Weld::Exact;
   scene.rest = AxisRest{Vec3(0, 1, 2)};
   scene.pairs = {{"a", "b"}};
   scene.symmetry = Axis::Z;
@@ -100,6 +101,7 @@ TEST(SceneFile, EveryEntrySurvives) {
   EXPECT_EQ(formatScene(back, ""), formatScene(scene, ""));
   EXPECT_EQ(back.seed, 7u);
   EXPECT_EQ(back.read.invalid, mesh::InvalidPoints::Keep);
+  EXPECT_EQ(back.read.weld, mesh::Weld::Exact);
   EXPECT_EQ(std::get<AxisRest>(back.rest).axis, Vec3(0, 1, 2));
   EXPECT_EQ(back.pairs.at(0).posed, "b");
   EXPECT_EQ(back.symmetry, Axis::Z);

@@ -87,6 +87,9 @@ void addEditing(CLI::App& command, BatchOptions& options) {
                             [&options] { options.scene.read.invalid = mesh::InvalidPoints::Keep; },
                             "Leave vertices with coordinates that are not finite as they are, instead of refusing the file")
       ->group(group);
+  command.add_flag_callback("--weld", [&options] { options.scene.read.weld = mesh::Weld::Exact; },
+                            "STL: join the facets' equal corners, so that the surface holds together; the file's facets come back")
+      ->group(group);
 }
 
 void addOutput(CLI::App& command, BatchOptions& options) {
