@@ -19,7 +19,7 @@ endif()
 run(${CMAKE_COMMAND} -S ${SOURCE} -B ${WORK}/build -G ${GENERATOR} -DCMAKE_BUILD_TYPE=Release
     -DCMAKE_PREFIX_PATH=${WORK}/installed)
 run(${CMAKE_COMMAND} --build ${WORK}/build)
-run(${WORK}/build/consumer)
+run(${CMAKE_COMMAND} -E chdir ${WORK}/build ${WORK}/build/consumer)
 message(STATUS "${output}")
 if(PROGRAM)
   run(${WORK}/installed/bin/fielddeform --version)
