@@ -32,6 +32,12 @@ AtomicFile::AtomicFile(std::filesystem::path target) : target_(std::move(target)
     if (!ignored) target_ = real;
   }
   if (std::filesystem::is_directory(target_, ignored)) throw IoError(target_, "is a folder, expected a file to write");
+  // A pipe, a terminal or another device is written through: renaming over it would destroy it.
+  if (std::filesystem::exists(target_, ignored) && !std::filesystem::is_regular_file(target_, ignored)) {
+    file_ = std::fopen(target_.c_str(), "wb");
+    if (!file_) throw IoError(target_, "cannot be written: " + reason());
+    return;
+  }
   static std::atomic<unsigned> counter{0};
   const mode_t mode = wantedMode(target_);
   for (int attempt = 0; attempt < 100; ++attempt) {
@@ -51,7 +57,7 @@ AtomicFile::AtomicFile(std::filesystem::path target) : target_(std::move(target)
 AtomicFile::~AtomicFile() {
   if (!file_) return;
   std::fclose(file_);
-  ::unlink(temporary_.c_str());
+  if (!temporary_.empty()) ::unlink(temporary_.c_str());
 }
 
 void AtomicFile::write(const void* data, std::size_t bytes) {
@@ -63,9 +69,10 @@ void AtomicFile::commit() {
   const std::string why = flushed ? "" : reason();
   const bool closed = std::fclose(file_) == 0;
   file_ = nullptr;
-  if (!flushed || !closed || ::rename(temporary_.c_str(), target_.c_str()) != 0) {
+  const bool through = temporary_.empty();
+  if (!flushed || !closed || (!through && ::rename(temporary_.c_str(), target_.c_str()) != 0)) {
     const std::string message = "cannot be written: " + (why.empty() ? reason() : why);
-    ::unlink(temporary_.c_str());
+    if (!through) ::unlink(temporary_.c_str());
     throw IoError(target_, message);
   }
 }

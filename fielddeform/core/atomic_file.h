@@ -9,6 +9,7 @@
 namespace fielddeform {
 
 /// A file that is complete or not there: written beside its target, renamed over it by commit().
+/// A target that exists and is no regular file (a pipe, a device) is written through instead, as it cannot be replaced.
 /// Without commit() the destructor removes the temporary file and the old target stays as it was.
 class AtomicFile {
  public:

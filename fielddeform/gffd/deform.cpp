@@ -11,24 +11,6 @@ namespace {
 
 constexpr double kTear = 1.5;  // times the greatest stretch of the sample
 
-Deformed attempt(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
-  const std::size_t n = rest.vertexCount();
-  Deformed d{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n), {}, 0, map, {}};
-  const Options& options = map.resolved().options;
-  const bool guarded = options.guard && options.corrector && !map.isIdentity();
-  std::vector<Vec3> safe(guarded ? n : 0);
-  progress.beginStage("track");
-  map.apply(binding, {.position = d.position, .safe = safe, .status = d.status, .residual = d.residual}, progress);
-  if (guarded) {
-    progress.beginStage("guard");
-    d.guard = guard(rest, safe, d.position, d.status);
-    refreshResiduals(map, binding, d);
-  }
-  safe = {};
-  d.folds = map.isIdentity() ? 0 : mesh::countFolds(rest, rest.positions(), d.position);
-  return d;
-}
-
 // Greatest ratio of posed to rest length over the edges of all faces.
 double greatestStretch(const mesh::Mesh& rest, Points posed) {
   return deterministicReduce(
@@ -51,6 +33,24 @@ double greatestStretch(const mesh::Mesh& rest, Points posed) {
 
 }  // namespace
 
+Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
+  const std::size_t n = rest.vertexCount();
+  Deformed d{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n), {}, 0, map, {}};
+  const Options& options = map.resolved().options;
+  const bool guarded = options.guard && options.corrector && !map.isIdentity();
+  std::vector<Vec3> safe(guarded ? n : 0);
+  progress.beginStage("track");
+  map.apply(binding, {.position = d.position, .safe = safe, .status = d.status, .residual = d.residual}, progress);
+  if (guarded) {
+    progress.beginStage("guard");
+    d.guard = guard(rest, safe, d.position, d.status);
+    refreshResiduals(map, binding, d);
+  }
+  safe = {};
+  d.folds = map.isIdentity() ? 0 : mesh::countFolds(rest, rest.positions(), d.position);
+  return d;
+}
+
 void refreshResiduals(const GffdMap& map, const map::Binding& binding, Deformed& d) {
   std::vector<Vec3> moved(d.guard.limited.size());
   for (std::size_t k = 0; k < moved.size(); ++k) moved[k] = d.position[d.guard.limited[k]];
@@ -60,7 +60,7 @@ void refreshResiduals(const GffdMap& map, const map::Binding& binding, Deformed&
 }
 
 Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
-  Deformed best = attempt(rest, map, binding, progress);
+  Deformed best = deformOnce(rest, map, binding, progress);
   const Options& options = map.resolved().options;
   if (!options.retry || map.isIdentity()) return best;
   const auto name = [](const Deformed& d) {
@@ -71,7 +71,7 @@ Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& 
   std::string tried;
   const auto attemptAlso = [&](const GffdMap& other) {
     if (tried.empty()) tried = name(best);
-    Deformed next = attempt(rest, other, binding, progress);
+    Deformed next = deformOnce(rest, other, binding, progress);
     tried += "; " + name(next);
     return next;
   };

@@ -25,6 +25,9 @@ struct Deformed {
 /// @throw Cancelled
 Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress);
 
+/// One attempt, with the map as it is: no retry.
+Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress);
+
 /// Measures the residuals of the vertices that the guard held back, at their guarded positions.
 void refreshResiduals(const GffdMap& map, const map::Binding& binding, Deformed& deformed);
 

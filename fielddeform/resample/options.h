@@ -29,7 +29,7 @@ struct Options {
   /// too, even if it did not move. 0 turns it off. < pi/3
   double minAngle = 0.2;
   int maxRounds = 8;             ///< >= 0
-  /// Most vertices of the result; when it is reached the worst edges have been split. Automatic: 8 * input + 1 million.
+  /// Most vertices of the result; when it is reached the worst edges have been split. Automatic: 8 * input + 100 000.
   std::optional<std::size_t> maxVertices = std::nullopt;
   MeshStep meshStep = {};        ///< may be empty
 

@@ -40,9 +40,12 @@ class Refiner {
         inputFaces_(rest.faceCount()), layout_(rest.layout()), parentOf_(rest.faceCount()) {
     mesh_.setLayout(nullptr);
     std::iota(parentOf_.begin(), parentOf_.end(), 0u);
-    const std::size_t automatic = 8 * inputVertices_ + 1'000'000;
+    const std::size_t automatic = 8 * inputVertices_ + 100'000;
     limit_ = std::min<std::size_t>(options.maxVertices.value_or(automatic), kNoIndex - 1);
-    tolerance_ = options.maxDeviation * mesh::objectSize(rest.positions());
+    // Far from the origin coordinates end before the tolerance does.
+    const Box box = mesh::boundingBox(rest.positions());
+    const double farthest = box.isEmpty() ? 0 : box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
+    tolerance_ = std::max(options.maxDeviation * mesh::objectSize(rest.positions()), 32 * 0x1p-52 * farthest);
   }
 
   Refined run(std::optional<Start> start) {

@@ -258,7 +258,8 @@ class Runner {
       const double t = static_cast<double>(k) / last;
       const gffd::GffdMap map =
           map_->withPose(detail::poseAt(skeletons_, scene_, mesh_, map_->resolved().skeletons, t));
-      gffd::Deformed d = gffd::deform(mesh_, map, *binding, progress_);
+      // As the result was tracked: a retry of its own could choose otherwise.
+      gffd::Deformed d = gffd::deformOnce(mesh_, map, *binding, progress_);
       Posed posed{std::move(d.position), std::move(d.status), std::move(d.residual)};
       if (!mask_.empty()) applyMask(mask_, mesh_.positions(), posed.position, posed.status, posed.residual);
       mesh::Mesh frame = mesh_;

@@ -19,6 +19,12 @@ void requireFinitePoint(const char* argument, const Vec3& v) {
     throw std::invalid_argument(fmt::format("{} is ({}, {}, {}), must be finite", argument, v.x(), v.y(), v.z()));
 }
 
+// A unit vector as it is: what an earlier run saved must come back with the same bits.
+Vec3 unit(const Vec3& v) {
+  const double length = v.norm();
+  return std::abs(length - 1) <= 1e-15 ? v : Vec3(v / length);
+}
+
 // Fills one operation in; the extent of its range goes to `out`.
 class Preparation {
  public:
@@ -40,9 +46,11 @@ class Preparation {
     requireFinite("angle", *b.angle);
     if (!b.about) b.about = autoAbout(bulk_, *b.spine.axis);
     requireDirection("about", *b.about);
-    const Vec3 about = b.about->normalized(), across = about - about.dot(*b.spine.axis) * *b.spine.axis;
+    const Vec3 about = unit(*b.about);
+    const double along = about.dot(*b.spine.axis);
+    const Vec3 across = std::abs(along) <= 1e-15 ? about : Vec3(about - along * *b.spine.axis);
     if (!(across.norm() > 1e-6)) throw std::invalid_argument("about lies along the axis, must point across it");
-    b.about = across.normalized();
+    b.about = unit(across);
   }
   void operator()(Twist& t) {
     spine(t.spine);
@@ -61,7 +69,7 @@ class Preparation {
     requireFinite("angle", r.angle);
     if (!r.axis) r.axis = autoAxis(bulk_);
     requireDirection("axis", *r.axis);
-    r.axis->normalize();
+    r.axis = unit(*r.axis);
     if (!r.pivot) r.pivot = bulk_.centre;
     requireFinitePoint("pivot", *r.pivot);
   }
@@ -85,7 +93,7 @@ class Preparation {
   void operator()(Press& p) {
     requireFinitePoint("point", p.point);
     requireDirection("normal", p.normal);
-    p.normal.normalize();
+    p.normal = unit(p.normal);
     if (!(p.softness >= 0) || !std::isfinite(p.softness))
       throw std::invalid_argument(fmt::format("softness is {}, must be finite and >= 0", p.softness));
   }
@@ -101,7 +109,7 @@ class Preparation {
     if (!(s.from < s.to)) throw std::invalid_argument(fmt::format("from is {}, must be less than to, which is {}", s.from, s.to));
     if (!s.axis) s.axis = autoAxis(bulk_);
     requireDirection("axis", *s.axis);
-    s.axis->normalize();
+    s.axis = unit(*s.axis);
     extent(s, s.pivot.value_or(bulk_.centre));
     if (!s.pivot) {
       s.pivot = bulk_.centre + out_.begin * *s.axis;

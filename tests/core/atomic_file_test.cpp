@@ -2,10 +2,12 @@
 #include <fielddeform/core/error.h>
 #include <gtest/gtest.h>
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 namespace fielddeform {
 namespace {
@@ -53,6 +55,18 @@ TEST_F(AtomicFileTest, WritesThroughALink) {
   writeTextFile(folder_ / "link", "new");
   EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
   EXPECT_EQ(read(folder_ / "a.txt"), "new");
+}
+
+TEST_F(AtomicFileTest, APipeIsWrittenThroughAndStaysAPipe) {
+  const fs::path pipe = folder_ / "pipe";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  std::string got;
+  std::thread reader([&] { got = read(pipe); });
+  writeTextFile(pipe, "through");
+  reader.join();
+  EXPECT_EQ(got, "through");
+  EXPECT_TRUE(fs::is_fifo(pipe));
+  EXPECT_EQ(files(), 1u);
 }
 
 TEST_F(AtomicFileTest, MissingFolderIsAnErrorThatNamesTheFile) {
