@@ -102,10 +102,22 @@ class Runner {
   void read() {
     mesh::ReadReport report;
     mesh_ = mesh::readMesh(input_, scene_.read, &report, &progress_);
+    requireUsualSize();
     if (mesh_.vertexCount() == 0) throw IoError(input_, "has no vertices, nothing to deform");
     if (report.invalidPoints > 0)
       warn(fmt::format("{} vertices with coordinates that are not finite were left as they are", report.invalidPoints));
     if (scene_.mask) mask_ = readMask(*scene_.mask, mesh_);
+  }
+
+  // Squares and cubes of lengths must stay numbers.
+  void requireUsualSize() const {
+    constexpr double kSmallest = 1e-90, kLargest = 1e90;
+    const Box box = mesh::boundingBox(mesh_.positions());
+    const double size = box.isEmpty() ? 0 : box.sizes().maxCoeff();  // no squares, which would underflow
+    const double farthest = box.isEmpty() ? 0 : box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
+    if (!(farthest <= kLargest) || (size > 0 && size < kSmallest))
+      throw IoError(input_, fmt::format("coordinates up to {:.3g} and a size of {:.3g}, expected sizes from 1e-90 to 1e+90; scale the mesh first",
+                                        farthest, size));
   }
 
   void bind() {

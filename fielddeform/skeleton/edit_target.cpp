@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 namespace fielddeform::skeleton::detail {
@@ -17,6 +18,14 @@ void requireDirection(const char* argument, const Vec3& v) {
 void requireFinitePoint(const char* argument, const Vec3& v) {
   if (!v.allFinite())
     throw std::invalid_argument(fmt::format("{} is ({}, {}, {}), must be finite", argument, v.x(), v.y(), v.z()));
+}
+
+// A thousand turns; far beyond, the sine of an angle holds no digit of it.
+void requireAngle(double radians) {
+  constexpr double kTurns = 1000;
+  if (!(std::abs(radians) <= kTurns * 2 * std::numbers::pi))
+    throw std::invalid_argument(fmt::format("angle is {:.6g} degrees, expected at most {:.0f} either way",
+                                            radians * 180 / std::numbers::pi, kTurns * 360));
 }
 
 // A unit vector as it is: what an earlier run saved must come back with the same bits.
@@ -43,7 +52,7 @@ class Preparation {
       b.angle = (out_.end - out_.begin) / *b.radius;
       b.radius.reset();
     }
-    requireFinite("angle", *b.angle);
+    requireAngle(*b.angle);
     if (!b.about) b.about = autoAbout(bulk_, *b.spine.axis);
     requireDirection("about", *b.about);
     const Vec3 about = unit(*b.about);
@@ -54,7 +63,7 @@ class Preparation {
   }
   void operator()(Twist& t) {
     spine(t.spine);
-    requireFinite("angle", t.angle);
+    requireAngle(t.angle);
   }
   void operator()(Taper& t) {
     spine(t.spine);
@@ -66,7 +75,7 @@ class Preparation {
   }
   void operator()(Translate& t) { requireFinitePoint("by", t.by); }
   void operator()(Rotate& r) {
-    requireFinite("angle", r.angle);
+    requireAngle(r.angle);
     if (!r.axis) r.axis = autoAxis(bulk_);
     requireDirection("axis", *r.axis);
     r.axis = unit(*r.axis);

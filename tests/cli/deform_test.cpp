@@ -48,6 +48,30 @@ TEST_F(Deform, AMovedSkeletonMovesTheMesh) {
   EXPECT_NE(out.find("\n2.25 0.25 4 200 20 30\n"), std::string::npos) << out.substr(0, 600);
 }
 
+TEST_F(Deform, SizesWhoseCubesAreNoNumbersAndEndlessAnglesAreRefused) {
+  writeFile(folder / "huge.obj", "v 0 0 0\nv 1e200 0 0\nv 0 1e200 0\nf 1 2 3\n");
+  writeFile(folder / "tiny.obj", "v 0 0 0\nv 1e-200 0 0\nv 0 1e-200 0\nf 1 2 3\n");
+  for (const char* file : {"huge.obj", "tiny.obj"}) {
+    const Result result = call({"bend", file, "-o", "out.obj", "--angle", "30"});
+    EXPECT_EQ(result.code, 1);
+    EXPECT_NE(result.err.find("expected sizes from 1e-90"), std::string::npos) << result.err;
+    EXPECT_FALSE(std::filesystem::exists(folder / "out.obj"));
+  }
+  const Result result = call({"twist", "bar.ply", "-o", "out.ply", "--angle", "1e9"});
+  EXPECT_NE(result.code, 0);
+  EXPECT_NE(result.err.find("expected at most 360000"), std::string::npos) << result.err;
+}
+
+TEST_F(Deform, ASavedSceneReplaysToTheByteForOddAxes) {
+  for (const char* angle : {"33", "70", "123.456"}) {
+    ASSERT_EQ(call({"bend", "bar.ply", "-o", "a.ply", "--angle", angle, "--axis", ".1,.2,1", "--about", "1,.3,.7",
+                    "--precision", "double", "--save-scene", "a.json"}).code, 0);
+    const std::string first = read("a.ply");
+    ASSERT_EQ(call({"run", "a.json"}).code, 0);
+    EXPECT_EQ(read("a.ply"), first) << angle;
+  }
+}
+
 TEST_F(Deform, TheSameBytesOnAnyNumberOfThreads) {
   std::string first;
   for (const char* threads : {"1", "2", "7"}) {
