@@ -137,6 +137,7 @@ class Symmetriser {
   void carryOver(const skeleton::PrimitivePair& a, const skeleton::PrimitivePair& b, const std::vector<Index>& partner) {
     if (a.kind == PairKind::Matched && b.kind == PairKind::Matched) {
       movePoints(a, b, partner);
+      if (a.rest == b.rest) mergeSections(a, partner);
       if (a.rest != b.rest && !sameValues(restOf(a), posedOf(a)) && sameValues(restOf(b), posedOf(b)))
         mirrorValues(posedOf(a), partner, mirror_, posed_.primitives[b.posed]);
     } else if (a.rest != b.rest && !edited(b)) {
@@ -160,6 +161,31 @@ class Symmetriser {
       if (!movedHere) continue;  // the partner's turn will move it
       const Vec3 moved = movedThere || (a.rest == b.rest && m == k) ? Vec3(0.5 * (image + there)) : image;
       posed_.primitives[b.posed].points[m] = restOf(b).points[m] + moved;
+    }
+  }
+
+  // Rolls and point radii of a primitive that is its own image, point by point as movePoints does. Radii by their ratio to
+  // those at rest, so that they stay positive.
+  void mergeSections(const skeleton::PrimitivePair& a, const std::vector<Index>& partner) {
+    const Primitive &rest = restOf(a), &posed = posedOf(a);
+    Primitive& out = posed_.primitives[a.posed];
+    const std::size_t n = partner.size();
+    const bool reversed = n > 1 && (rest.closed ? (partner[0] + n - partner[1]) % n == 1 : partner[0] > partner[1]);
+    const auto merged = [](double image, double there, double unmoved, bool self) {
+      return there != unmoved || self ? 0.5 * (image + there) : image;
+    };
+    const auto restRoll = [&](Index k) { return rest.roll.empty() ? 0.0 : rest.roll[k]; };
+    const auto restRadius = [&](Index k) { return rest.pointRadius.empty() ? rest.radius.value_or(1) : rest.pointRadius[k]; };
+    for (Index k = 0; k < n; ++k) {
+      const Index m = partner[k];
+      if (!posed.roll.empty() && posed.roll[k] != restRoll(k)) {
+        const double here = posed.roll[k] - restRoll(k), there = posed.roll[m] - restRoll(m);
+        out.roll[m] = restRoll(m) + merged(reversed ? here : -here, there, 0, m == k);
+      }
+      if (!posed.pointRadius.empty() && posed.pointRadius[k] != restRadius(k)) {
+        const double here = posed.pointRadius[k] / restRadius(k), there = posed.pointRadius[m] / restRadius(m);
+        out.pointRadius[m] = restRadius(m) * merged(here, there, 1, m == k);
+      }
     }
   }
 

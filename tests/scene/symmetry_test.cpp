@@ -66,6 +66,38 @@ TEST(Symmetry, APointOnThePlaneStaysOnIt) {
   EXPECT_EQ(pair.posed.primitives[0].points[1], Vec3(1, 2, 3));
 }
 
+TEST(Symmetry, TwistAndTaperOfALineAcrossThePlaneReachItsOtherEnd) {
+  Skeleton rest{{line("spine", {{-1, 0, 0}, {0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}})}, ""};
+  rest.primitives[0].radius = 1;
+  Skeleton posed = rest;
+  posed.primitives[0].roll = {0, 0, 0, 0.5, 1};
+  posed.primitives[0].pointRadius = {1, 1, 1, 0.75, 0.5};
+  const auto pair = mirrorEdits(pairSkeletons(rest, posed), kMiddle);
+  // A turn about the mirror's normal looks the same in the mirror.
+  EXPECT_EQ(pair.posed.primitives[0].roll, (std::vector<double>{1, 0.5, 0, 0.5, 1}));
+  EXPECT_EQ(pair.posed.primitives[0].pointRadius, (std::vector<double>{0.5, 0.75, 1, 0.75, 0.5}));
+  EXPECT_EQ(pair.posed.primitives[0].points, rest.primitives[0].points);
+}
+
+TEST(Symmetry, ATwistAlongThePlaneCancelsAndATaperStays) {
+  Skeleton rest{{line("spine", {{1, 0, 0}, {1, 1, 0}})}, ""};
+  rest.primitives[0].radius = 1;
+  Skeleton posed = rest;
+  posed.primitives[0].roll = {0, 1};
+  posed.primitives[0].pointRadius = {1, 0.5};
+  const auto pair = mirrorEdits(pairSkeletons(rest, posed), kMiddle);
+  EXPECT_EQ(pair.posed.primitives[0].roll, (std::vector<double>{0, 0}));
+  EXPECT_EQ(pair.posed.primitives[0].pointRadius, (std::vector<double>{1, 0.5}));
+}
+
+TEST(Symmetry, BendAndStretchOfALineAcrossThePlaneReachItsOtherEnd) {
+  Skeleton rest{{line("spine", {{-1, 0, 0}, {1, 0, 0}, {3, 0, 0}})}, ""};
+  Skeleton posed = rest;
+  posed.primitives[0].points[2] = {4, 1, 0};
+  const auto pair = mirrorEdits(pairSkeletons(rest, posed), kMiddle);
+  EXPECT_EQ(pair.posed.primitives[0].points, (std::vector<Vec3>{{-2, 1, 0}, {1, 0, 0}, {4, 1, 0}}));
+}
+
 TEST(Symmetry, AnEditedPrimitiveWithoutPartnerGetsATwin) {
   Skeleton rest{{line("arm", {{0, 0, 0}, {-1, 0, 0}}), line("still", {{0, 5, 0}, {-1, 5, 0}})}, ""};
   Skeleton posed = rest;
