@@ -136,8 +136,23 @@ class Runner {
       warn(fmt::format("{} vertices outside the skeleton's influence stay where they are, and the skeleton was moved "
                        "to them", pierced));
     if (map_->countMovable(*binding_) == 0)
-      warn("no vertex is within the skeleton's influence: nothing was deformed; is the skeleton on the mesh?");
+      warn(unpaired().value_or("no vertex is within the skeleton's influence: nothing was deformed; is the skeleton on the "
+                               "mesh?"));
     binding_.reset();
+  }
+
+  // Why a vertex follows nothing, if it is that no primitive at rest has a posed partner.
+  std::optional<std::string> unpaired() const {
+    const skeleton::SkeletonPair& pair = skeletons_.pair;
+    const std::string *removed = nullptr, *added = nullptr;
+    for (const auto& p : pair.pairs) {
+      if (p.rest != kNoIndex && p.posed != kNoIndex) return std::nullopt;
+      if (p.rest != kNoIndex && !removed) removed = &pair.rest.primitives[p.rest].name;
+      if (p.posed != kNoIndex && !added) added = &pair.posed.primitives[p.posed].name;
+    }
+    if (!removed || !added) return std::nullopt;
+    return fmt::format("nothing was deformed: no primitive is in both skeletons, '{0}' is removed and '{1}' added; use "
+                       "--pair {0}={1} to replace one by the other", *removed, *added);
   }
 
   void resample() {

@@ -38,6 +38,21 @@ TEST_F(Deform, AnUneditedSkeletonGivesTheInputByteForByte) {
   EXPECT_EQ(read("out.ply"), read("bar.ply"));
 }
 
+TEST_F(Deform, PrimitivesWithoutPartnerAreNamedAndPairingThemHelps) {
+  writeFile(folder / "posed.json", shifted(shifted(kRest, "[0.125, ", "[2.125, "), "\"spine\"", "\"q\""));
+  std::vector<std::string> arguments = {"deform", "bar.ply", "--rest", "rest.json", "--posed", "posed.json", "-o", "out.ply"};
+  const Result result = call(arguments);
+  ASSERT_EQ(result.code, 0) << result.err;
+  const std::string said = result.out + result.err;
+  EXPECT_NE(said.find("'spine' is removed and 'q' added; use --pair spine=q"), std::string::npos) << said;
+  EXPECT_EQ(said.find("on the mesh?"), std::string::npos) << said;
+  arguments.insert(arguments.end(), {"--pair", "spine=q"});
+  const Result paired = call(arguments);
+  ASSERT_EQ(paired.code, 0) << paired.err;
+  EXPECT_NE(read("out.ply"), read("bar.ply"));
+  EXPECT_EQ((paired.out + paired.err).find("is removed"), std::string::npos) << paired.out << paired.err;
+}
+
 TEST_F(Deform, AMovedSkeletonMovesTheMesh) {
   // 2 is exact in the file's floats, and a translation is exact in the map.
   writeFile(folder / "posed.json", shifted(kRest, "[0.125, ", "[2.125, "));
