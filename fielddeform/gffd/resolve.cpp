@@ -152,15 +152,20 @@ void choosePredictor(ResolvedOptions& r, const mesh::Mesh& mesh) {
                                   sample.vertexCount(), axial.folds, axial.stretch, mls.folds, mls.stretch);
 }
 
+// Vertices that are not finite have no value to tear away from: they do not count.
 bool joinsMovableAndFixed(const mesh::Mesh& mesh, const detail::GffdBinding& binding) {
-  for (Index f = 0; f < mesh.faceCount(); ++f) {
-    const auto c = mesh.face(f);
-    for (const Index v : c)
-      if (binding.movable(v) != binding.movable(c[0])) return true;
-  }
+  const auto differs = [&](std::span<const Index> vertices) {
+    bool movable = false, fixed = false;
+    for (const Index v : vertices) {
+      if (!binding.rest[v].allFinite()) continue;
+      (binding.movable(v) ? movable : fixed) = true;
+    }
+    return movable && fixed;
+  };
+  for (Index f = 0; f < mesh.faceCount(); ++f)
+    if (differs(mesh.face(f))) return true;
   for (const auto& line : mesh.lines())
-    for (const Index v : line.vertices)
-      if (binding.movable(v) != binding.movable(line.vertices[0])) return true;
+    if (differs(line.vertices)) return true;
   return false;
 }
 

@@ -177,6 +177,12 @@ TEST(Falloff, IsOffWhereNoEdgeLeavesTheInfluence) {
   EXPECT_EQ(resolve({}, c.mesh, skeleton::pairSkeletons(c.rest, c.posed)).options.falloff, Falloff::Off);
 }
 
+TEST(Falloff, IsNotTurnedOnByVerticesThatAreNotFinite) {
+  auto c = fielddeform::tests::makeCase("bend90");
+  c.mesh.mutablePositions()[100].x() = std::nan("");
+  EXPECT_EQ(resolve({}, c.mesh, skeleton::pairSkeletons(c.rest, c.posed)).options.falloff, Falloff::Off);
+}
+
 TEST(StrictValue, EveryMovableVertexKeepsItsValue) {
   const mesh::Mesh mesh = smallCapsule();
   const auto rest = lineSkeleton(verticalLine(17, 1), .5), posed = lineSkeleton(fielddeform::tests::bendMap(verticalLine(17, 1), 1, 1), .5);
