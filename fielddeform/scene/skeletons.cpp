@@ -1,8 +1,10 @@
 #include <fielddeform/scene/detail/skeletons.h>
 #include <fielddeform/scene/symmetry.h>
+#include <fielddeform/mesh/measures.h>
 #include <fielddeform/skeleton/fit.h>
 #include <fielddeform/skeleton/interpolate.h>
 #include <fielddeform/skeleton/io.h>
+#include <fielddeform/skeleton/principal_axes.h>
 
 #include <algorithm>
 
@@ -66,6 +68,23 @@ void useAxesOfFit(const skeleton::SpineFit& fit, std::vector<Edit>& edits) {
   }
 }
 
+// A nearly straight line does not say which way it is to be bent: across its own axis the mesh's longest extent does.
+void useAboutOfMesh(const mesh::Mesh& mesh, const Skeleton& rest, std::vector<Edit>& edits) {
+  const auto open = [](const Edit& edit) {
+    const auto* bend = std::get_if<skeleton::Bend>(&edit.operation);
+    return bend && !bend->about;
+  };
+  if (std::none_of(edits.begin(), edits.end(), open)) return;
+  const mesh::SurfaceMoments moments = mesh::surfaceMoments(mesh, mesh.positions());
+  const skeleton::Bulk bulk{moments.centroid, moments.covariance, mesh::boundingBox(mesh.positions())};
+  if (bulk.box.isEmpty()) return;
+  const std::vector<Edit> known = skeleton::resolve(rest, edits);
+  for (std::size_t i = 0; i < edits.size(); ++i)
+    if (open(edits[i]))
+      std::get<skeleton::Bend>(edits[i].operation).about =
+          skeleton::autoAbout(bulk, *std::get<skeleton::Bend>(known[i].operation).spine.axis);
+}
+
 // A bend that was given by its radius keeps it: an angle in degrees might not read back as the same number.
 std::vector<Edit> resolved(const Skeleton& rest, const std::vector<Edit>& edits) {
   std::vector<Edit> out = skeleton::resolve(rest, edits);
@@ -120,6 +139,7 @@ Skeletons prepareSkeletons(const Scene& scene, const mesh::Mesh& mesh) {
   s.rest = s.source;
   const double size = mesh::objectSize(mesh.positions());
   if (mayDivide(s.edits) && size > 0) s.rest = skeleton::subdivide(s.source, kPiece * size);
+  useAboutOfMesh(mesh, s.rest, s.edits);
   s.edits = resolved(s.rest, s.edits);
   Skeleton posed = scene.posed ? readOr<fs::path>(*scene.posed) : skeleton::applyEdits(s.rest, s.edits);
   s.pair = pairOf(scene, mesh, s.rest, std::move(posed));

@@ -77,6 +77,20 @@ TEST_F(Deform, SizesWhoseCubesAreNoNumbersAndEndlessAnglesAreRefused) {
   EXPECT_NE(result.err.find("expected at most 360000"), std::string::npos) << result.err;
 }
 
+TEST_F(Deform, AStraightSkeletonBendsAboutTheMeshsSecondExtent) {
+  // Four times as wide as thick: about the wide axis, whatever the rounding of the line says.
+  writeFile(folder / "slab.obj",
+            "v -.4 -.1 0\nv .4 -.1 0\nv .4 .1 0\nv -.4 .1 0\nv -.4 -.1 4\nv .4 -.1 4\nv .4 .1 4\nv -.4 .1 4\n"
+            "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n");
+  writeFile(folder / "line.json", R"({"format": "fielddeform-skeleton", "version": 1, "primitives": [{"name": "s", "type": "polyline",
+    "radius": 2, "points": [[0, 0, 0], [0, 1e-9, 1], [1e-9, 0, 2], [0, 0, 3], [0, 0, 4]]}]})");
+  ASSERT_EQ(call({"bend", "slab.obj", "--rest", "line.json", "-o", "a.obj", "--angle", "40", "--save-scene", "a.json"}).code, 0);
+  const JsonDocument scene = JsonDocument::read(folder / "a.json");
+  Vec3 about = Vec3::Zero();
+  for (const JsonValue edit : scene.root().require("edits").array(1)) about = edit.require("about").vec3();
+  EXPECT_LT((about - Vec3(1, 0, 0)).norm(), 1e-6) << about.transpose();
+}
+
 TEST_F(Deform, ASavedSceneReplaysToTheByteForOddAxes) {
   for (const char* angle : {"33", "70", "123.456"}) {
     ASSERT_EQ(call({"bend", "bar.ply", "-o", "a.ply", "--angle", angle, "--axis", ".1,.2,1", "--about", "1,.3,.7",
