@@ -165,6 +165,7 @@ class Runner {
       mesh_.attributes().push_back(std::move(carried));
     }
     posed_ = {};
+    foldsOfInput_ = mesh::countSharpEdges(mesh_, mesh_.positions());
     resample::Refined refined = refine();
     if (map_->resolved().predictorWasAutomatic && map_->resolved().options.predictor == gffd::Predictor::Axial)
       retryWithMls(refined);
@@ -210,10 +211,12 @@ class Runner {
     r.status = countStatuses(posed_.status);
     r.residual = maxAndP99(posed_.residual);
     const mesh::QualityReport quality = mesh::compareQuality(mesh_, rest, posed_.position);
-    r.foldsBefore = quality.sharpRest;
+    r.foldsBefore = foldsOfInput_.value_or(quality.sharpRest);
     r.foldsAfter = quality.folds;
     r.stretch = {quality.stretch.max, quality.stretch.p99};
     r.flipped = mesh::countFlipped(mesh_, rest, posed_.position);
+    if (const std::size_t stalled = r.status[static_cast<std::size_t>(Status::Stalled)]; stalled == r.vertices && stalled > 0)
+      warn("no vertex could be brought back to its field value: all are stalled");
     measureVolume(r.volume);
     const gffd::ResolvedOptions& resolved = map_->resolved();
     r.predictor = gffd::toString(resolved.options.predictor);
@@ -317,6 +320,7 @@ class Runner {
   std::shared_ptr<const map::Binding> binding_;
   std::optional<gffd::GffdMap> map_;
   Posed posed_;
+  std::optional<std::size_t> foldsOfInput_;  ///< counted before resampling divides its edges
   render::Image picture_;
 };
 

@@ -77,6 +77,16 @@ TEST_F(Deform, SizesWhoseCubesAreNoNumbersAndEndlessAnglesAreRefused) {
   EXPECT_NE(result.err.find("expected at most 360000"), std::string::npos) << result.err;
 }
 
+TEST_F(Deform, SeveralInputsNeedAFolderAndNoneIsMadeUnderAFilesName) {
+  writeFile(folder / "other.ply", barPly(16));
+  const Result result = call({"bend", "bar.ply", "other.ply", "-o", "out.obj", "--angle", "10"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_NE(result.err.find("several inputs need a folder"), std::string::npos) << result.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "out.obj"));
+  EXPECT_EQ(call({"bend", "bar.ply", "other.ply", "-o", "out/", "--angle", "10"}).code, 0);
+  EXPECT_TRUE(std::filesystem::exists(folder / "out" / "other.ply"));
+}
+
 TEST_F(Deform, AStraightSkeletonBendsAboutTheMeshsSecondExtent) {
   // Four times as wide as thick: about the wide axis, whatever the rounding of the line says.
   writeFile(folder / "slab.obj",

@@ -36,8 +36,9 @@ std::vector<Job> jobsOf(const scene::Scene& scene) {
   const bool several = scene.inputs.size() > 1;
   const auto isFolder = [&](const fs::path& path, const char* what) {
     const bool folder = namesFolder(path);
-    if (several && !folder && fs::exists(path))
-      throw std::runtime_error(fmt::format("{}: {} is a file, several inputs need a folder", what, path.string()));
+    if (several && !folder && (fs::exists(path) || path.has_extension()))
+      throw std::runtime_error(fmt::format("{}: {} names a file, several inputs need a folder (end its name in /)", what,
+                                           path.string()));
     if (folder || several) makeFolder(path);
     return folder || several;
   };
