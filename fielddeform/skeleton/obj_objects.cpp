@@ -16,6 +16,21 @@ namespace {
   throw IoError(file.path, position, fmt::format("object \"{}\"", object.name), std::move(found), std::move(expected));
 }
 
+// Valid UTF-8 [RFC 3629]. Other names could not be written as JSON without becoming one another.
+bool isUtf8(const std::string& text) {
+  for (std::size_t i = 0; i < text.size();) {
+    const auto c = static_cast<unsigned char>(text[i]);
+    const std::size_t length = c < 0x80 ? 1 : c >= 0xC2 && c < 0xE0 ? 2 : (c & 0xF0) == 0xE0 ? 3 : c >= 0xF0 && c < 0xF5 ? 4 : 0;
+    if (length == 0 || i + length > text.size()) return false;
+    for (std::size_t k = 1; k < length; ++k)
+      if ((static_cast<unsigned char>(text[i + k]) & 0xC0) != 0x80) return false;
+    const auto d = length > 1 ? static_cast<unsigned char>(text[i + 1]) : 0;
+    if ((c == 0xE0 && d < 0xA0) || (c == 0xED && d >= 0xA0) || (c == 0xF0 && d < 0x90) || (c == 0xF4 && d >= 0x90)) return false;
+    i += length;
+  }
+  return true;
+}
+
 // The vertices an object uses, ascending: the order of a mesh's points.
 std::vector<Index> usedVertices(const ObjObject& object) {
   std::vector<Index> used;
@@ -135,6 +150,7 @@ class Chains {
 }  // namespace
 
 std::vector<Primitive> buildPrimitives(const ObjFile& file, const ObjObject& object) {
+  if (!isUtf8(object.name)) fail(file, object, object.line, "a name that is not UTF-8", "UTF-8 text");
   const char kind = object.elements[0].kind;
   for (const ObjElement& e : object.elements)
     if (e.kind != kind)

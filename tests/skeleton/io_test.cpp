@@ -260,5 +260,11 @@ TEST(Angle, DegreesReadBackAndRoundNumbersStay) {
   }
 }
 
+TEST(SkeletonObjNames, ThatAreNotUtf8AreRefused) {
+  // Found by fuzzing: written as JSON, two such names became the same one.
+  EXPECT_THROW(parseSkeleton("o ti\xB9\xBB\nv 0 0 0\nv 1 0 0\nl 1 2\n", "a.obj"), IoError);
+  EXPECT_EQ(parseSkeleton("o \xC3\xA9paule\nv 0 0 0\nv 1 0 0\nl 1 2\n", "a.obj").primitives[0].name, "\xC3\xA9paule");
+}
+
 }  // namespace
 }  // namespace fielddeform::skeleton
