@@ -198,7 +198,8 @@ const std::vector<double>& AxisBasis::knots() const noexcept { return knots_; }
 double AxisBasis::restNode(int i) const { return rest_.at(static_cast<std::size_t>(i)); }
 
 bool AxisBasis::operator==(const AxisBasis& o) const {
-  return kind_ == o.kind_ && border_ == o.border_ && degree_ == o.degree_ && nodes_ == o.nodes_ && knots_ == o.knots_;
+  return kind_ == o.kind_ && border_ == o.border_ && degree_ == o.degree_ && nodes_ == o.nodes_ && knots_ == o.knots_ &&
+         rest_ == o.rest_ && curve_ == o.curve_;
 }
 
 AxisBasis::Values AxisBasis::evaluate(double u) const {
@@ -232,6 +233,7 @@ int AxisBasis::evaluate(double u, double* weight, double* slope) const {
     bernsteinWeights(degree_, u, weight, slope);
     return 0;
   }
+  if (!curve_.empty()) return evaluateCurve(u, weight, slope);
   auto it = std::upper_bound(pieces_.begin() + 1, pieces_.end(), u, [](double x, const Piece& p) { return x < p.from; });
   const Piece& piece = *--it;
   double t = (u - piece.origin) * piece.scale - piece.shift, rise = piece.scale;

@@ -33,6 +33,13 @@ class AxisBasis {
   /// @throw std::invalid_argument if they decrease, are not finite, an inner knot has a multiplicity above degree, or an
   ///        end of the domain one above degree + 1
   static AxisBasis withKnots(int degree, std::vector<double> knots);
+  /// Coincident borders with knots that need not be uniform, as knot insertion leaves them. The box coordinate of a point is
+  /// that of the curve of the rest nodes; its parameter is found by Newton's method.
+  /// @param degree  2 or 3
+  /// @param knots  nodes + 3 degree - 1 numbers, strictly ascending
+  /// @param rest   box coordinates of the nodes, strictly ascending from 0 to 1; more than degree of them
+  /// @throw std::invalid_argument
+  static AxisBasis coincident(int degree, std::vector<double> knots, std::vector<double> rest);
 
   BasisKind kind() const noexcept;
   Border border() const noexcept;
@@ -71,11 +78,13 @@ class AxisBasis {
   AxisBasis() = default;
   void makeUniformPieces(int segments, double firstAt, int firstNode);
   void makeCoincidentEnds();
+  int evaluateCurve(double u, double* weight, double* slope) const;
   BasisKind kind_ = BasisKind::Bernstein;
   Border border_ = Border::Knots;
   int degree_ = 1;
   int nodes_ = 2;
   std::vector<double> knots_, rest_;
+  std::vector<double> curve_;   // made by coincident(): the u of each knot of the domain; else empty
   std::vector<Piece> pieces_;  // ascending; none for Bernstein
 };
 
