@@ -75,6 +75,7 @@ int AxisBasis::evaluateCurve(double u, double* weight, double* slope) const {
   const auto rest = [&](int node) { return rest_[static_cast<std::size_t>(node)]; };
   const int span = static_cast<int>(std::upper_bound(curve_.begin() + 1, curve_.end() - 1, u) - curve_.begin()) - 1;
   const int first = std::clamp(span - (p - 1), 0, last - p);
+  if (!weight) return first;
   double sums[4] = {}, slopes[4] = {};
   if (span == 0 || span == spans - 1) {
     // The outermost pieces depend on two nodes only, and are affine between them.
