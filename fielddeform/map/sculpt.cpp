@@ -15,6 +15,14 @@ namespace {
 constexpr std::size_t kAdviceTargets = 500;   // more are not tried out for the advice
 constexpr std::size_t kAdviceNodes = 20'000;
 
+// What a tool asks of thousands of vertices is a wish, met to a share: more digits would cost most of the time.
+ManipulationOptions forTools(ManipulationOptions options) {
+  options.solver.tolerance = std::max(options.solver.tolerance, 1e-8);
+  options.solver.maxIterations = std::min(options.solver.maxIterations, 300);
+  options.solver.fallbackWork = 0;
+  return options;
+}
+
 double falloff(Profile profile, double r) {
   switch (profile) {
     case Profile::Smooth: return (1 - r * r) * (1 - r * r);
@@ -167,7 +175,7 @@ MoveReport Sculptor::pull(const char* kind, Pull&& wanted) {
     for (std::size_t i = 0; i < most; ++i) some.push_back(targets.points[i * targets.points.size() / most]);
     targets.points = std::move(some);
   }
-  ManipulationOptions options = options_.solve;
+  ManipulationOptions options = forTools(options_.solve);
   options.tolerance = std::max(options.tolerance, options_.toolTolerance * farthest / size());
   solve(targets, options, report);
   if (report.solve.unmet > 0)
@@ -235,7 +243,7 @@ MoveReport Sculptor::operator()(const Press& move) {
       targets.points.push_back({rest_[v], contact[v].surface + 0.5 * tolerance * contact[v].out, 1});
     }
     ++report.rounds;
-    detail::Solved solved = detail::solveRefining(piece_, targets, options_.solve, 0, progress_);
+    detail::Solved solved = detail::solveRefining(piece_, targets, forTools(options_.solve), 0, progress_);
     report.solve = std::move(solved.report);
     accept(std::move(solved.before), std::move(solved.displacements));
     in = inside(move.tool, contact);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 namespace fielddeform::numeric {
@@ -87,6 +88,14 @@ void append(const SparseRowsView& a, const std::vector<std::size_t>& rows, doubl
   }
 }
 
+struct Rows {
+  const SparseRowsView& a;
+  const std::vector<std::size_t>& rows;
+  const SparseRowsView& fixed;
+  const std::vector<std::size_t>& fixedRows;
+  const Touched& touched;
+};
+
 double largestRow(const SparseRowsView& a) {
   double largest = 0;
   for (std::size_t r = 0; r < a.rows(); ++r) {
@@ -95,6 +104,26 @@ double largestRow(const SparseRowsView& a) {
     largest = std::max(largest, sum);
   }
   return std::sqrt(largest);
+}
+
+std::vector<Vec3> solveSparse(const Rows& r, std::vector<Vec3> right, const MinNormOptions& options, MinNormReport& out) {
+  out.method = MinNormMethod::Lsqr;
+  detail::SparseBoth both;
+  both.columns = r.touched.column.size();
+  append(r.a, r.rows, 1, r.touched, both);
+  if (!r.fixedRows.empty()) append(r.fixed, r.fixedRows, kFixedWeight * largestRow(r.a) / largestRow(r.fixed), r.touched, both);
+  both.finish();
+  right.resize(both.rows, Vec3::Zero());
+  std::vector<Vec3> y(both.columns);
+  const detail::LsqrOutcome outcome = detail::lsqr(both, right, options.tolerance, options.maxIterations, y);
+  out.iterations = outcome.iterations;
+  out.converged = outcome.converged;
+  return y;
+}
+
+std::vector<Vec3> spread(const std::vector<Vec3>& y, const Touched& touched, std::vector<Vec3> x) {
+  for (std::size_t i = 0; i < y.size(); ++i) x[touched.column[i]] = y[i];
+  return x;
 }
 
 }  // namespace
@@ -123,23 +152,16 @@ std::vector<Vec3> minNormLeastSquares(const SparseRowsView& a, Points b, const S
   if (rows.empty()) return x;
 
   const double m = static_cast<double>(rows.size() + fixedRows.size()), n = static_cast<double>(touched.column.size());
+  const double work = m * (n + std::min(m, n)) <= kDenseEntries ? m * n * std::min(m, n) : std::numeric_limits<double>::infinity();
   std::vector<Vec3> y;
-  if (m * n * std::min(m, n) <= options.denseWork && m * (n + std::min(m, n)) <= kDenseEntries) {
-    y = solveDense(dense(a, rows, touched), right, dense(fixed, fixedRows, touched), options.rankTolerance, out.rank);
-  } else {
-    out.method = MinNormMethod::Lsqr;
-    detail::SparseBoth both;
-    both.columns = touched.column.size();
-    append(a, rows, 1, touched, both);
-    if (!fixedRows.empty()) append(fixed, fixedRows, kFixedWeight * largestRow(a) / largestRow(fixed), touched, both);
-    both.finish();
-    right.resize(both.rows, Vec3::Zero());
-    y.resize(both.columns);
-    const detail::LsqrOutcome outcome = detail::lsqr(both, right, options.tolerance, options.maxIterations, y);
-    out.iterations = outcome.iterations, out.converged = outcome.converged;
+  if (!(work <= options.denseWork)) {
+    y = solveSparse({a, rows, fixed, fixedRows, touched}, right, options, out);
+    if (out.converged || !(work <= options.fallbackWork)) return spread(y, touched, std::move(x));
   }
-  for (std::size_t i = 0; i < y.size(); ++i) x[touched.column[i]] = y[i];
-  return x;
+  out.method = MinNormMethod::Dense;
+  out.converged = true;
+  y = solveDense(dense(a, rows, touched), right, dense(fixed, fixedRows, touched), options.rankTolerance, out.rank);
+  return spread(y, touched, std::move(x));
 }
 
 }  // namespace fielddeform::numeric

@@ -23,9 +23,10 @@ enum class MinNormMethod : std::uint8_t {
 
 struct MinNormOptions {
   double rankTolerance = 1e-10;  ///< > 0: a row that lies in the others' span but for this share of the largest row adds no rank
-  double denseWork = 1e9;        ///< rows * columns * rank up to which the dense method is taken (0: never)
+  double denseWork = 2e7;        ///< rows * columns * min(rows, columns) up to which the dense method is taken (0: never)
+  double fallbackWork = 2e9;     ///< the same, up to which it is taken after all if the iteration does not converge
   double tolerance = 1e-14;      ///< > 0: LSQR stops at this residual (of the right side) or gradient (of matrix * residual)
-  int maxIterations = 4000;      ///< >= 1, LSQR
+  int maxIterations = 2000;      ///< >= 1, LSQR
 };
 
 struct MinNormReport {
@@ -34,7 +35,7 @@ struct MinNormReport {
   std::size_t columns = 0;     ///< with an entry
   std::size_t rank = 0;        ///< Dense: found; Lsqr: unknown, 0
   int iterations = 0;          ///< Lsqr
-  bool converged = true;       ///< Lsqr: false if maxIterations came first
+  bool converged = true;       ///< false if LSQR's maxIterations came first and the dense method would be too much work
 };
 
 /// The x of least norm among those that minimise |A x - b|: x = A^+ b, for any shape and rank; three right sides at once.

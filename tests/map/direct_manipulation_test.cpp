@@ -270,7 +270,7 @@ TEST(DirectManipulation, TheIterationAgreesWithTheFactorisation) {
   const LatticeMap map(spline(12, 12, 12));
   const Targets t = pointTargets(cloud(21, 60), 22);
   ManipulationOptions iterate;
-  iterate.solver.denseWork = 0;
+  iterate.solver.denseWork = iterate.solver.fallbackWork = 0;
   const Manipulated exact = moveTargets(map, t), close = moveTargets(map, t, iterate);
   EXPECT_EQ(close.report.solver.method, numeric::MinNormMethod::Lsqr);
   EXPECT_TRUE(close.report.solver.converged);

@@ -74,7 +74,7 @@ TEST(MinNorm, IsThePseudoInverseForEveryShapeAndRank) {
     const Eigen::MatrixXd expected = pseudoInverse(a) * matrix(b);
     for (const MinNormMethod method : {MinNormMethod::Dense, MinNormMethod::Lsqr}) {
       MinNormOptions options;
-      if (method == MinNormMethod::Lsqr) options.denseWork = 0;
+      if (method == MinNormMethod::Lsqr) options.denseWork = options.fallbackWork = 0;
       MinNormReport report;
       const auto x = minNormLeastSquares(rows.view(), b, {}, options, &report);
       EXPECT_EQ(report.method, method);
@@ -100,7 +100,7 @@ TEST(MinNorm, FixedRowsHoldAndTheRestIsLeastWithinThem) {
     EXPECT_LT((c * x).norm(), 1e-12 * (1 + x.norm()));
     EXPECT_LT((x - expected).norm(), 1e-8 * (1e-3 + expected.norm())) << s.rows << " by " << s.columns;
     MinNormOptions iterate;
-    iterate.denseWork = 0;
+    iterate.denseWork = iterate.fallbackWork = 0;
     iterate.maxIterations = 100000;
     const auto y = matrix(minNormLeastSquares(rows.view(), b, fixed.view(), iterate));
     EXPECT_LT((c * y).norm(), 1e-5 * (1e-3 + y.norm()));  // they weigh 1e4, and squares count
@@ -113,7 +113,7 @@ TEST(MinNorm, AgreesWithItselfOnAnyNumberOfThreads) {
   const auto b = randomRight(7, 120);
   for (const double denseWork : {1e9, 0.0}) {
     MinNormOptions options;
-    options.denseWork = denseWork;
+    options.denseWork = options.fallbackWork = denseWork;
     options.maxIterations = 50;
     std::vector<std::vector<Vec3>> x;
     for (const int threads : {1, 2, 7}) {
@@ -133,10 +133,28 @@ TEST(MinNorm, PowersOfTwoScaleEveryBit) {
   for (Vec3& v : scaled) v *= 1024;
   for (const double denseWork : {1e9, 0.0}) {
     MinNormOptions options;
-    options.denseWork = denseWork;
+    options.denseWork = options.fallbackWork = denseWork;
     const auto x = minNormLeastSquares(rows.view(), b, {}, options), y = minNormLeastSquares(rows.view(), scaled, {}, options);
     for (std::size_t i = 0; i < x.size(); ++i) EXPECT_EQ(Vec3(1024 * x[i]), y[i]);
   }
+}
+
+TEST(MinNorm, TheDenseMethodTakesOverWhatTheIterationCannotEnd) {
+  const Eigen::MatrixXd a = randomMatrix(13, 40, 60, 40);
+  const Sparse rows = sparse(a);
+  const auto b = randomRight(14, 40);
+  MinNormOptions options;
+  options.denseWork = 0;
+  options.maxIterations = 3;
+  MinNormReport report;
+  const auto x = minNormLeastSquares(rows.view(), b, {}, options, &report);
+  EXPECT_EQ(report.method, MinNormMethod::Dense);
+  EXPECT_EQ(report.iterations, 3);
+  EXPECT_TRUE(report.converged);
+  EXPECT_LT((a * matrix(x) - matrix(b)).norm(), 1e-10);
+  options.fallbackWork = 0;
+  minNormLeastSquares(rows.view(), b, {}, options, &report);
+  EXPECT_FALSE(report.converged);
 }
 
 TEST(MinNorm, EmptyAndZeroSystemsMoveNothing) {
@@ -146,7 +164,7 @@ TEST(MinNorm, EmptyAndZeroSystemsMoveNothing) {
   const Sparse some = sparse(randomMatrix(10, 3, 5, 3));
   for (const double denseWork : {1e9, 0.0}) {
     MinNormOptions options;
-    options.denseWork = denseWork;
+    options.denseWork = options.fallbackWork = denseWork;
     EXPECT_EQ(minNormLeastSquares(some.view(), zero, {}, options), std::vector<Vec3>(5, Vec3::Zero()));
     // Everything held: no freedom, nothing moves.
     const Sparse all = sparse(Eigen::MatrixXd::Identity(5, 5));
