@@ -7,6 +7,10 @@
 
 namespace fielddeform::map {
 
+namespace detail {
+class LatticeModel;
+}
+
 /// An affine box: world x = origin + axes * (u, v, w), u, v, w in [0, 1] inside. Either handedness, any angles.
 struct LatticeBox {
   Vec3 origin = Vec3::Zero();
@@ -80,9 +84,7 @@ class LatticeMap final : public LinearMap {
   std::unique_ptr<LinearMap> withDisplacements(Points displacements) const override;
 
  private:
-  class Bound;
-  struct Model;
-  std::shared_ptr<const Model> model_;
+  std::shared_ptr<const detail::LatticeModel> model_;
   std::shared_ptr<const std::vector<Vec3>> displacements_;
 };
 
