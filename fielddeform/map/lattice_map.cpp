@@ -37,11 +37,6 @@ void requireDisplacements(Points displacements, std::size_t nodes) {
     if (!displacements[i].allFinite()) throw std::invalid_argument(fmt::format("displacements: that of node {} is not finite", i));
 }
 
-// Where nothing is added, not even the sign of a zero changes.
-Vec3 moved(const Vec3& x, const Vec3& d) {
-  return {d[0] == 0 ? x[0] : x[0] + d[0], d[1] == 0 ? x[1] : x[1] + d[1], d[2] == 0 ? x[2] : x[2] + d[2]};
-}
-
 // Calls block(begin, count, scratch) for the blocks of [begin, end).
 template <class Block>
 void forBlocks(const LatticeModel& model, std::size_t begin, std::size_t end, Block&& block) {
@@ -57,19 +52,21 @@ void sumOf(const LatticeModel& model, const LatticeBinding& bound, std::size_t b
 
 // Adds displacements to points; a point whose image is not finite stays.
 void place(const LatticeBinding& bound, std::size_t begin, std::size_t count, const Vec3* d, const MapOutput& out) {
-  for (std::size_t p = 0; p < count; ++p) {
-    const Vec3& rest = bound.rest[begin + p];
-    Vec3 x = moved(rest, d[p]);
-    Status status = d[p] == Vec3::Zero() ? Status::Fixed : Status::Converged;
-    if (bound.kind[begin + p] == PointKind::Invalid || !x.allFinite()) {
-      x = rest;
-      status = Status::Invalid;
+  const Vec3* rest = &bound.rest[begin];
+  std::array<Vec3, kBlock> spare;
+  Vec3* x = out.position.empty() ? spare.data() : &out.position[begin];
+  const bool finite = detail::addDisplacements(count, rest, d, x);
+  std::array<bool, kBlock> invalid{};
+  if (!finite || bound.special[begin / kBlock])
+    for (std::size_t p = 0; p < count; ++p) {
+      invalid[p] = bound.kind[begin + p] == PointKind::Invalid || !x[p].allFinite();
+      if (invalid[p]) x[p] = rest[p];
     }
-    if (!out.position.empty()) out.position[begin + p] = x;
-    if (!out.safe.empty()) out.safe[begin + p] = x;
-    if (!out.status.empty()) out.status[begin + p] = status;
-    if (!out.residual.empty()) out.residual[begin + p] = 0;
-  }
+  if (!out.safe.empty()) std::copy(x, x + count, &out.safe[begin]);
+  if (!out.status.empty())
+    for (std::size_t p = 0; p < count; ++p)
+      out.status[begin + p] = invalid[p] ? Status::Invalid : d[p] == Vec3::Zero() ? Status::Fixed : Status::Converged;
+  if (!out.residual.empty()) std::fill(&out.residual[begin], &out.residual[begin] + count, 0.0f);
 }
 
 }  // namespace
@@ -92,8 +89,8 @@ Vec3 LatticeMap::position(const Vec3& rest) const {
   if (!model_->place(rest, cell, scratch.weight.data(), scratch.slope.data())) return rest;
   Vec3 d;
   detail::combine(model_->shape(), 1, &cell, scratch.weight.data(), displacements_->data(), scratch.rows.data(), &d);
-  const Vec3 x = moved(rest, d);
-  return x.allFinite() ? x : rest;
+  Vec3 x;
+  return detail::addDisplacements(1, &rest, &d, &x) ? x : rest;
 }
 
 Mat3 LatticeMap::jacobian(const Vec3& rest) const {

@@ -9,12 +9,28 @@ namespace {
 using fielddeform::detail::SimdLevel;
 using fielddeform::detail::simdLevel;
 
-// Four and eight numbers at any address.
+// Two, four and eight numbers at any address.
+typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
 typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
 typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
 
-#define FOUR(pointer) (*reinterpret_cast<const Four*>(pointer))
-#define EIGHT(pointer) (*reinterpret_cast<const Eight*>(pointer))
+// The vectors of each level, no wider than its registers: compilers split wider ones badly. `Wide` is for where eight
+// numbers stand side by side.
+struct Baseline {
+  using Pack = Two;
+  using Wide = Two;
+};
+struct Avx2 {
+  using Pack = Four;
+  using Wide = Four;
+};
+struct Avx512 {
+  using Pack = Four;
+  using Wide = Eight;
+};
+
+#define PACK(pointer) (*reinterpret_cast<const Pack*>(pointer))
+#define PACK_OUT(pointer) (*reinterpret_cast<Pack*>(pointer))
 
 struct WeightTask {
   std::array<const double*, 3> power, offset, sign;
@@ -24,15 +40,19 @@ struct WeightTask {
   double* weight;
 };
 
+template <class L>
 FIELDDEFORM_SIMD_INLINE void weightsKernel(const WeightTask& task) {
-  for (std::size_t a = 0; a < 3; ++a) {
-    const Four offset = FOUR(task.offset[a]), sign = FOUR(task.sign[a]);
+  using Pack = typename L::Pack;
+  constexpr std::size_t lanes = sizeof(Pack) / 8;
+  for (std::size_t a = 0; a < 3; ++a)
     for (std::size_t p = 0; p < task.count; ++p) {
       const double* c = task.power[a] + 16 * static_cast<std::size_t>(task.cell[p].piece[a]);
-      const Four x = offset + sign * task.t[3 * p + a];
-      *reinterpret_cast<Four*>(task.weight + 12 * p + 4 * a) = ((FOUR(c + 12) * x + FOUR(c + 8)) * x + FOUR(c + 4)) * x + FOUR(c);
+      for (std::size_t k = 0; k < 4; k += lanes) {
+        const Pack x = PACK(task.offset[a] + k) + PACK(task.sign[a] + k) * task.t[3 * p + a];
+        PACK_OUT(task.weight + 12 * p + 4 * a + k) =
+            ((PACK(c + 12 + k) * x + PACK(c + 8 + k)) * x + PACK(c + 4 + k)) * x + PACK(c + k);
+      }
     }
-  }
 }
 
 struct SumTask {
@@ -56,42 +76,36 @@ struct Rows {
   std::size_t sj, sk, strideJ, strideK;
 };
 
+// acc += the columns of C nodes that begin at v, weighted; C = 4.
+template <class L>
+FIELDDEFORM_SIMD_INLINE void sumFour(const Rows& rows, const double* v, double* acc) {
+  using Pack = typename L::Pack;
+  using Wide = typename L::Wide;
+  constexpr int lanes = sizeof(Pack) / 8, skip = sizeof(Wide) / 8, n = (12 - skip) / lanes;
+  Wide first{};
+  Pack rest[n] = {};
+  for (std::size_t k = 0; k < rows.sk; ++k)
+    for (std::size_t j = 0; j < rows.sj; ++j) {
+      const double* row = v + k * rows.strideK + j * rows.strideJ;
+      const double w = rows.weight[k * rows.sj + j];
+      first += *reinterpret_cast<const Wide*>(row) * w;
+      for (int q = 0; q < n; ++q) rest[q] += PACK(row + skip + q * lanes) * w;
+    }
+  *reinterpret_cast<Wide*>(acc) = first;
+  for (int q = 0; q < n; ++q) PACK_OUT(acc + skip + q * lanes) = rest[q];
+}
+
 // sum += the columns of C nodes that begin at v, weighted.
-template <int C, bool Wide>
+template <int C, class L>
 FIELDDEFORM_SIMD_INLINE void addColumns(const Rows& rows, const double* v, const double* wi, double* sum) {
   double acc[3 * C] = {};
-  if constexpr (C == 4 && Wide) {
-    Eight a{};
-    Four b{};
-    for (std::size_t k = 0; k < rows.sk; ++k)
-      for (std::size_t j = 0; j < rows.sj; ++j) {
-        const double* row = v + k * rows.strideK + j * rows.strideJ;
-        const double w = rows.weight[k * rows.sj + j];
-        a += EIGHT(row) * w;
-        b += FOUR(row + 8) * w;
-      }
-    *reinterpret_cast<Eight*>(acc) = a;
-    *reinterpret_cast<Four*>(acc + 8) = b;
-  } else if constexpr (C == 4) {
-    Four a{}, b{}, c{};
-    for (std::size_t k = 0; k < rows.sk; ++k)
-      for (std::size_t j = 0; j < rows.sj; ++j) {
-        const double* row = v + k * rows.strideK + j * rows.strideJ;
-        const double w = rows.weight[k * rows.sj + j];
-        a += FOUR(row) * w;
-        b += FOUR(row + 4) * w;
-        c += FOUR(row + 8) * w;
-      }
-    *reinterpret_cast<Four*>(acc) = a;
-    *reinterpret_cast<Four*>(acc + 4) = b;
-    *reinterpret_cast<Four*>(acc + 8) = c;
-  } else {
+  if constexpr (C == 4) sumFour<L>(rows, v, acc);
+  else
     for (std::size_t k = 0; k < rows.sk; ++k)
       for (std::size_t j = 0; j < rows.sj; ++j) {
         const double* row = v + k * rows.strideK + j * rows.strideJ;
         for (int e = 0; e < 3 * C; ++e) acc[e] += row[e] * rows.weight[k * rows.sj + j];
       }
-  }
   for (int e = 0; e < 3; ++e) {
     double s = acc[e] * wi[0];
     for (int i = 1; i < C; ++i) s += acc[3 * i + e] * wi[i];
@@ -100,7 +114,7 @@ FIELDDEFORM_SIMD_INLINE void addColumns(const Rows& rows, const double* v, const
 }
 
 // Cubic: four functions on every axis, so that loops have constant lengths.
-template <bool Cubic, bool Wide>
+template <bool Cubic, class L>
 FIELDDEFORM_SIMD_INLINE void combineKernel(const SumTask& task) {
   const Shape& s = task.shape;
   const std::size_t si = Cubic ? 4 : s.support[0], sj = Cubic ? 4 : s.support[1], sk = Cubic ? 4 : s.support[2];
@@ -115,16 +129,22 @@ FIELDDEFORM_SIMD_INLINE void combineKernel(const SumTask& task) {
     rowWeights(w + atJ, w + atK, sj, sk, rowWeight);
     double sum[3] = {0, 0, 0};
     std::size_t i = 0;
-    for (; i + 4 <= si; i += 4) addColumns<4, Wide>(rows, v + 3 * i, w + i, sum);
-    if (si - i == 3) addColumns<3, Wide>(rows, v + 3 * i, w + i, sum);
-    if (si - i == 2) addColumns<2, Wide>(rows, v + 3 * i, w + i, sum);
-    if (si - i == 1) addColumns<1, Wide>(rows, v + 3 * i, w + i, sum);
+    for (; i + 4 <= si; i += 4) addColumns<4, L>(rows, v + 3 * i, w + i, sum);
+    if (si - i == 3) addColumns<3, L>(rows, v + 3 * i, w + i, sum);
+    if (si - i == 2) addColumns<2, L>(rows, v + 3 * i, w + i, sum);
+    if (si - i == 1) addColumns<1, L>(rows, v + 3 * i, w + i, sum);
     for (int e = 0; e < 3; ++e) task.out[3 * p + e] = sum[e];
   }
 }
 
-template <int C>
+template <class L>
+FIELDDEFORM_SIMD_INLINE void cubicKernel(const SumTask& task) { combineKernel<true, L>(task); }
+template <class L>
+FIELDDEFORM_SIMD_INLINE void anyKernel(const SumTask& task) { combineKernel<false, L>(task); }
+
+template <int C, class L>
 FIELDDEFORM_SIMD_INLINE void scatterColumns(const Rows& rows, double* v, const double* wi, const double* value) {
+  using Pack = typename L::Pack;
   double in[3 * C];
   for (int i = 0; i < C; ++i)
     for (int e = 0; e < 3; ++e) in[3 * i + e] = value[e] * wi[i];
@@ -132,16 +152,14 @@ FIELDDEFORM_SIMD_INLINE void scatterColumns(const Rows& rows, double* v, const d
     for (std::size_t j = 0; j < rows.sj; ++j) {
       double* row = v + k * rows.strideK + j * rows.strideJ;
       const double w = rows.weight[k * rows.sj + j];
-      if constexpr (C == 4) {
-        *reinterpret_cast<Four*>(row) = FOUR(row) + FOUR(in) * w;
-        *reinterpret_cast<Four*>(row + 4) = FOUR(row + 4) + FOUR(in + 4) * w;
-        *reinterpret_cast<Four*>(row + 8) = FOUR(row + 8) + FOUR(in + 8) * w;
-      } else {
+      if constexpr (C == 4)
+        for (std::size_t e = 0; e < 12; e += sizeof(Pack) / 8) PACK_OUT(row + e) += PACK(in + e) * w;
+      else
         for (int e = 0; e < 3 * C; ++e) row[e] += in[e] * w;
-      }
     }
 }
 
+template <class L>
 FIELDDEFORM_SIMD_INLINE void scatterKernel(const SumTask& task) {
   const Shape& s = task.shape;
   const std::size_t si = s.support[0];
@@ -153,37 +171,63 @@ FIELDDEFORM_SIMD_INLINE void scatterKernel(const SumTask& task) {
     const double* value = task.in + 3 * p;
     rowWeights(w + s.at[1], w + s.at[2], s.support[1], s.support[2], task.rows);
     std::size_t i = 0;
-    for (; i + 4 <= si; i += 4) scatterColumns<4>(rows, v + 3 * i, w + i, value);
-    if (si - i == 3) scatterColumns<3>(rows, v + 3 * i, w + i, value);
-    if (si - i == 2) scatterColumns<2>(rows, v + 3 * i, w + i, value);
-    if (si - i == 1) scatterColumns<1>(rows, v + 3 * i, w + i, value);
+    for (; i + 4 <= si; i += 4) scatterColumns<4, L>(rows, v + 3 * i, w + i, value);
+    if (si - i == 3) scatterColumns<3, L>(rows, v + 3 * i, w + i, value);
+    if (si - i == 2) scatterColumns<2, L>(rows, v + 3 * i, w + i, value);
+    if (si - i == 1) scatterColumns<1, L>(rows, v + 3 * i, w + i, value);
   }
 }
 
-#undef FOUR
-#undef EIGHT
+struct AddTask {
+  std::size_t count;
+  const double *rest, *displacement;
+  double* out;
+  bool finite = true;
+};
 
-void weightsBaseline(const WeightTask& t) { weightsKernel(t); }
-FIELDDEFORM_SIMD_AVX2 void weightsAvx2(const WeightTask& t) { weightsKernel(t); }
-FIELDDEFORM_SIMD_AVX512 void weightsAvx512(const WeightTask& t) { weightsKernel(t); }
-void cubicBaseline(const SumTask& t) { combineKernel<true, false>(t); }
-FIELDDEFORM_SIMD_AVX2 void cubicAvx2(const SumTask& t) { combineKernel<true, false>(t); }
-FIELDDEFORM_SIMD_AVX512 void cubicAvx512(const SumTask& t) { combineKernel<true, true>(t); }
-void combineBaseline(const SumTask& t) { combineKernel<false, false>(t); }
-FIELDDEFORM_SIMD_AVX2 void combineAvx2(const SumTask& t) { combineKernel<false, false>(t); }
-FIELDDEFORM_SIMD_AVX512 void combineAvx512(const SumTask& t) { combineKernel<false, true>(t); }
-void scatterBaseline(const SumTask& t) { scatterKernel(t); }
-FIELDDEFORM_SIMD_AVX2 void scatterAvx2(const SumTask& t) { scatterKernel(t); }
-FIELDDEFORM_SIMD_AVX512 void scatterAvx512(const SumTask& t) { scatterKernel(t); }
-
-template <class Task>
-void dispatch(const Task& task, void (*baseline)(const Task&), void (*avx2)(const Task&), void (*avx512)(const Task&)) {
-  switch (simdLevel()) {
-    case SimdLevel::Avx512: return avx512(task);
-    case SimdLevel::Avx2: return avx2(task);
-    case SimdLevel::Baseline: return baseline(task);
+// Where nothing is added, not even the sign of a zero changes.
+template <class L>
+FIELDDEFORM_SIMD_INLINE void addKernel(AddTask& task) {
+  using Pack = typename L::Pack;
+  constexpr std::size_t lanes = sizeof(Pack) / 8;
+  Pack wrong{};
+  std::size_t i = 0;
+  for (; i + lanes <= task.count; i += lanes) {
+    const Pack x = PACK(task.rest + i), d = PACK(task.displacement + i), y = d == 0 ? x : x + d;
+    PACK_OUT(task.out + i) = y;
+    wrong += y - y;  // 0, or no number
   }
+  double sum = 0;
+  for (std::size_t k = 0; k < lanes; ++k) sum += wrong[k];
+  for (; i < task.count; ++i) {
+    const double y = task.displacement[i] == 0 ? task.rest[i] : task.rest[i] + task.displacement[i];
+    task.out[i] = y;
+    sum += y - y;
+  }
+  task.finite = sum == 0;
 }
+
+#define FIELDDEFORM_LEVELS(name, Task, kernel)                                         \
+  void name##Baseline(Task& task) { kernel<Baseline>(task); }                          \
+  FIELDDEFORM_SIMD_AVX2 void name##Avx2(Task& task) { kernel<Avx2>(task); }            \
+  FIELDDEFORM_SIMD_AVX512 void name##Avx512(Task& task) { kernel<Avx512>(task); }      \
+  void name(Task& task) {                                                              \
+    switch (simdLevel()) {                                                             \
+      case SimdLevel::Avx512: return name##Avx512(task);                               \
+      case SimdLevel::Avx2: return name##Avx2(task);                                   \
+      case SimdLevel::Baseline: return name##Baseline(task);                           \
+    }                                                                                  \
+  }
+
+FIELDDEFORM_LEVELS(pieceWeights, const WeightTask, weightsKernel)
+FIELDDEFORM_LEVELS(combineCubic, const SumTask, cubicKernel)
+FIELDDEFORM_LEVELS(combineAny, const SumTask, anyKernel)
+FIELDDEFORM_LEVELS(scatterAny, const SumTask, scatterKernel)
+FIELDDEFORM_LEVELS(addAll, AddTask, addKernel)
+
+#undef FIELDDEFORM_LEVELS
+#undef PACK
+#undef PACK_OUT
 
 }  // namespace
 
@@ -215,20 +259,26 @@ void pieceWeights(const PieceTable& table, std::size_t count, const Vec3* t, con
     task.offset[a] = table.offset[a].data();
     task.sign[a] = table.sign[a].data();
   }
-  dispatch(task, weightsBaseline, weightsAvx2, weightsAvx512);
+  pieceWeights(task);
 }
 
 void combine(const Shape& shape, std::size_t count, const Cell* cell, const double* weight, const Vec3* values, double* rows,
              Vec3* out) {
   const SumTask task{shape, count, cell, weight, values->data(), rows, out->data()};
-  if (shape.support == std::array<std::size_t, 3>{4, 4, 4}) dispatch(task, cubicBaseline, cubicAvx2, cubicAvx512);
-  else dispatch(task, combineBaseline, combineAvx2, combineAvx512);
+  if (shape.support == std::array<std::size_t, 3>{4, 4, 4}) combineCubic(task);
+  else combineAny(task);
 }
 
 void scatter(const Shape& shape, std::size_t count, const Cell* cell, const double* weight, const Vec3* points, double* rows,
              Vec3* sums) {
   const SumTask task{shape, count, cell, weight, points->data(), rows, sums->data()};
-  dispatch(task, scatterBaseline, scatterAvx2, scatterAvx512);
+  scatterAny(task);
+}
+
+bool addDisplacements(std::size_t count, const Vec3* rest, const Vec3* displacement, Vec3* out) {
+  AddTask task{3 * count, rest->data(), displacement->data(), out->data()};
+  addAll(task);
+  return task.finite;
 }
 
 }  // namespace fielddeform::map::detail

@@ -46,4 +46,7 @@ void combine(const Shape& shape, std::size_t count, const Cell* cell, const doub
 void scatter(const Shape& shape, std::size_t count, const Cell* cell, const double* weight, const Vec3* points, double* rows,
              Vec3* sums);
 
+/// out = rest + displacement; bit for bit rest where nothing is added. Whether all that was written is finite.
+bool addDisplacements(std::size_t count, const Vec3* rest, const Vec3* displacement, Vec3* out);
+
 }  // namespace fielddeform::map::detail
