@@ -66,6 +66,12 @@ double rootNearBorder(double x) {
 
 }  // namespace
 
+std::string_view toString(BasisKind kind) noexcept { return kind == BasisKind::Bernstein ? "bernstein" : "bspline"; }
+
+std::string_view toString(Border border) noexcept {
+  return border == Border::Coincident ? "coincident" : border == Border::Free ? "free" : "knots";
+}
+
 AxisBasis AxisBasis::bernstein(int nodes) {
   requireNodes(nodes);
   AxisBasis b;

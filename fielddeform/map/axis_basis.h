@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 namespace fielddeform::map {
@@ -17,6 +18,9 @@ enum class Border : std::uint8_t {
   Free,        ///< every node counts once: the outer nodes stand outside the box
   Knots,       ///< as the given knots say
 };
+
+std::string_view toString(BasisKind kind) noexcept;   ///< "bernstein", "bspline"
+std::string_view toString(Border border) noexcept;    ///< "coincident", "free", "knots"
 
 /// The functions along one axis of a lattice, over the box coordinate u in [0, 1] ("lattice uvw"). Linear precision:
 /// sum_i phi_i(u) restNode(i) = u and sum_i phi_i(u) = 1 for every u in [0, 1].

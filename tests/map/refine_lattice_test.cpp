@@ -1,4 +1,5 @@
 #include <fielddeform/core/random.h>
+#include <fielddeform/map/lattice_io.h>
 #include <fielddeform/map/refine_lattice.h>
 #include <gtest/gtest.h>
 
@@ -122,6 +123,22 @@ TEST(RefineLattice, TheMapIsTheSameEverywhere) {
       EXPECT_LT((before.position(x) - again.position(x)).norm(), 1e-13);
       EXPECT_LT((before.jacobian(x) - after.jacobian(x)).norm(), 1e-11);
     }
+  }
+}
+
+TEST(RefineLattice, FilesKeepEveryBitOfARefinedLattice) {
+  Lattice lattice;
+  lattice.axis = {AxisBasis::bspline(5, 3, Border::Coincident), AxisBasis::bspline(5, 2, Border::Free), AxisBasis::bernstein(3)};
+  lattice.displacements.assign(lattice.nodeCount(), Vec3::Zero());
+  lattice.displacements[7] = Vec3(0.25, 0.5, -0.125);
+  const Lattice fine = refined(lattice);
+  for (const LatticeFormat format : {LatticeFormat::Json, LatticeFormat::Obj}) {
+    const Lattice again = parseLattice(formatLattice(fine, format), "again");
+    EXPECT_EQ(again.axis, fine.axis);
+    ASSERT_EQ(again.displacements.size(), fine.displacements.size());
+    // OBJ holds the nodes where they stand: displacements come back to rounding.
+    for (std::size_t i = 0; i < fine.displacements.size(); ++i)
+      EXPECT_LT((again.displacements[i] - fine.displacements[i]).norm(), format == LatticeFormat::Json ? 1e-300 : 1e-15);
   }
 }
 

@@ -43,16 +43,25 @@ struct WeightTask {
 template <class L>
 FIELDDEFORM_SIMD_INLINE void weightsKernel(const WeightTask& task) {
   using Pack = typename L::Pack;
-  constexpr std::size_t lanes = sizeof(Pack) / 8;
-  for (std::size_t a = 0; a < 3; ++a)
-    for (std::size_t p = 0; p < task.count; ++p) {
-      const double* c = task.power[a] + 16 * static_cast<std::size_t>(task.cell[p].piece[a]);
-      for (std::size_t k = 0; k < 4; k += lanes) {
-        const Pack x = PACK(task.offset[a] + k) + PACK(task.sign[a] + k) * task.t[3 * p + a];
-        PACK_OUT(task.weight + 12 * p + 4 * a + k) =
-            ((PACK(c + 12 + k) * x + PACK(c + 8 + k)) * x + PACK(c + 4 + k)) * x + PACK(c + k);
+  constexpr std::size_t lanes = sizeof(Pack) / 8, packs = 4 / lanes;
+  const double* t = task.t;
+  const Cell* cell = task.cell;
+  double* weight = task.weight;
+  for (std::size_t a = 0; a < 3; ++a) {
+    Pack offset[packs], sign[packs];
+    for (std::size_t k = 0; k < packs; ++k) {
+      offset[k] = PACK(task.offset[a] + k * lanes);
+      sign[k] = PACK(task.sign[a] + k * lanes);
+    }
+    const double* powers = task.power[a];
+    for (std::size_t p = 0, n = task.count; p < n; ++p) {
+      const double* c = powers + 16 * static_cast<std::size_t>(cell[p].piece[a]);
+      for (std::size_t k = 0; k < packs; ++k, c += lanes) {
+        const Pack x = offset[k] + sign[k] * t[3 * p + a];
+        PACK_OUT(weight + 12 * p + 4 * a + k * lanes) = ((PACK(c + 12) * x + PACK(c + 8)) * x + PACK(c + 4)) * x + PACK(c);
       }
     }
+  }
 }
 
 struct SumTask {
@@ -84,10 +93,12 @@ FIELDDEFORM_SIMD_INLINE void sumFour(const Rows& rows, const double* v, double* 
   constexpr int lanes = sizeof(Pack) / 8, skip = sizeof(Wide) / 8, n = (12 - skip) / lanes;
   Wide first{};
   Pack rest[n] = {};
-  for (std::size_t k = 0; k < rows.sk; ++k)
+  const double* weight = rows.weight;
+#pragma GCC unroll 1
+  for (std::size_t k = 0; k < rows.sk; ++k, v += rows.strideK, weight += rows.sj)
     for (std::size_t j = 0; j < rows.sj; ++j) {
-      const double* row = v + k * rows.strideK + j * rows.strideJ;
-      const double w = rows.weight[k * rows.sj + j];
+      const double* row = v + j * rows.strideJ;
+      const double w = weight[j];
       first += *reinterpret_cast<const Wide*>(row) * w;
       for (int q = 0; q < n; ++q) rest[q] += PACK(row + skip + q * lanes) * w;
     }
