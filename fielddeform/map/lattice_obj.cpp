@@ -165,7 +165,7 @@ class Scanner {
         return AxisBasis::withKnots(degree, std::move(knots));
       }
       if (kind == "refined") {  // degree, then the nodes' places between 0 and 1, then the knots
-        const int degree = whole("degree");
+        const int degree = integer(2, 3);
         std::vector<double> rest, knots;
         while (rest.empty() || rest.back() < 1) rest.push_back(number("node"));
         while (words_.find_first_not_of(kBlank) != std::string_view::npos) knots.push_back(number("knot"));
