@@ -81,7 +81,8 @@ void addSkeleton(CLI::App& app, Session& session) {
   const auto options = optionsOf<SkeletonOptions>();
   auto* command = app.add_subcommand("skeleton", "Make a skeleton from a mesh");
   command->add_option("MESH", options->mesh, "Mesh (PLY, OBJ, STL, OFF)")->required()->type_name("");
-  command->add_option("-o,--output", options->output, "Skeleton to write (JSON, or OBJ for a modeller)")->required()->type_name("FILE");
+  command->add_option("-o,--output", options->output, "Skeleton to write (JSON, or OBJ for a modeller)")
+      ->required()->type_name("FILE")->check(endingIn({".json", ".obj"}));
   addWord(*command, "--kind", {"axis", "lod", "points"}, [options](std::size_t i) { options->kind = static_cast<Kind>(i); },
           "A spine through the mesh's slices (default), the mesh itself simplified, or points on it");
   addAxis(*command, "--axis", options->spine.axis, "axis: direction of the spine (default: auto, the longest extent)");
@@ -91,10 +92,13 @@ void addSkeleton(CLI::App& app, Session& session) {
       ->type_name("N")->check(within(1, 100000));
   command->add_option("--faces", options->faces, "lod: at most this many faces (default: 500)")
       ->type_name("N")->check(within(4, 1e9));
-  command->add_option("--seed", options->points.seed, "points: another choice of points (default: 0)")->type_name("N");
+  command->add_option("--seed", options->points.seed, "points: another choice of points (default: 0)")
+      ->type_name("N")->check(within(0, 9007199254740992.0));
   addThreads(*command, session);
   command->footer("Example:\n  fielddeform skeleton scan.ply -o spine.json --kind axis");
   command->callback([&session, options] {
+    if (options->kind == Kind::Axis && options->count && !(*options->count >= 2 && *options->count <= 1000))
+      throw CLI::ValidationError(fmt::format("--points: {}, expected 2..1000 for --kind axis", *options->count));
     session.run = [options](Terminal& terminal) { return run(*options, terminal); };
   });
 }
