@@ -160,15 +160,11 @@ LocalMask makeMask(const LocalEdit& e, const LocalInput& input, MaskKind kind, c
   if (kind == MaskKind::None) mask.value.assign(n, 1);
   else if (kind == MaskKind::Given) mask.value.assign(input.mask.begin(), input.mask.end());
   else mask.value = autoMask(e, input, mask.fromFalloff);
-  if (kind == MaskKind::Rest) {
-    const std::vector<Index> componentOf = vertexComponents(e);
-    for (std::size_t v = 0; v < n; ++v) {
-      const bool here = componentOf[v] != kNoIndex && held[componentOf[v]];
-      mask.value[v] = here ? 1 - smoothstep(mask.value[v] / kRestEnd) : 0;
-    }
-  }
+  if (kind == MaskKind::Rest)
+    for (double& m : mask.value) m = 1 - smoothstep(m / kRestEnd);
+  const std::vector<Index> componentOf = vertexComponents(e);
   for (std::size_t v = 0; v < n; ++v)
-    if (!e.posed[v].allFinite()) mask.value[v] = 0;
+    if (!e.posed[v].allFinite() || componentOf[v] == kNoIndex || !held[componentOf[v]]) mask.value[v] = 0;
   requireSomething(e, mask, held);
   mask.moved = static_cast<std::size_t>(std::count_if(mask.value.begin(), mask.value.end(), [](double m) { return m > 0; }));
   mask.free = isFree(e, mask.value);
