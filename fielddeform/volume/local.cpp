@@ -82,9 +82,8 @@ void measureMoves(const LocalEdit& e, const LocalParts& parts, const std::vector
   r.largest = std::ldexp(largest, e.exponent);
 }
 
-void judge(LocalReport& r) {
-  const bool fromRest = r.mask == MaskKind::Rest;
-  const char* instead = fromRest ? "" : "; --volume-mask rest takes the volume from what the edit left alone instead";
+void judge(LocalReport& r, bool hasRest) {
+  const char* instead = r.mask == MaskKind::Rest || !hasRest ? "" : "; --volume-mask rest takes the volume from what the edit left alone instead";
   if (r.tau > kMuchOfThickness)
     r.warnings.push_back(fmt::format("the volume to be restored is {:.0f} % of the thickness of what moved: expect visible changes{}",
                                      100 * r.tau, instead));
@@ -136,7 +135,7 @@ LocalResult preserveLocally(const LocalInput& input, const LocalOptions& options
   report.iterations = solved.iterations;
   report.deviation = solved.deviation;
   measureMoves(edit, parts, solved.displacement, report);
-  judge(report);
+  judge(report, !mask.free);
   parallelFor(result.position.size(), 8192, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v)
       for (int k = 0; mask.value[v] > 0 && k < 3; ++k) result.position[v][k] += std::ldexp(solved.displacement[v][k], edit.exponent);

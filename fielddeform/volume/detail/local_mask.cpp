@@ -125,7 +125,7 @@ bool isFree(const LocalEdit& e, const std::vector<double>& mask) {
   return true;
 }
 
-void requireSomething(const LocalEdit& e, const LocalMask& mask, const std::vector<std::uint8_t>& held) {
+void requireSomething(const LocalEdit& e, const LocalMask& mask, MaskKind kind, const std::vector<std::uint8_t>& held) {
   std::vector<std::uint8_t> moves(held.size(), 0);
   std::size_t rims = 0;
   for (std::size_t f = 0; f < e.mesh.faceCount(); ++f)
@@ -139,7 +139,9 @@ void requireSomething(const LocalEdit& e, const LocalMask& mask, const std::vect
     throw InfeasibleError(fmt::format("the surface is open and its volume mask would move {} boundary edge{}; close it, or use "
                                       "a mask that is 0 there", rims, rims == 1 ? "" : "s"));
   for (std::size_t c = 0; c < held.size(); ++c)
-    if (held[c] && !moves[c])
+    if (held[c] && !moves[c] && kind == MaskKind::Rest)
+      throw InfeasibleError("volume mask 'rest': the edit moved all of a component, nothing is left to take its volume from");
+    else if (held[c] && !moves[c])
       throw InfeasibleError("the volume mask is 0 all over a component that the edit changed: nothing can give its volume back");
 }
 
@@ -165,7 +167,7 @@ LocalMask makeMask(const LocalEdit& e, const LocalInput& input, MaskKind kind, c
   const std::vector<Index> componentOf = vertexComponents(e);
   for (std::size_t v = 0; v < n; ++v)
     if (!e.posed[v].allFinite() || componentOf[v] == kNoIndex || !held[componentOf[v]]) mask.value[v] = 0;
-  requireSomething(e, mask, held);
+  requireSomething(e, mask, kind, held);
   mask.moved = static_cast<std::size_t>(std::count_if(mask.value.begin(), mask.value.end(), [](double m) { return m > 0; }));
   mask.free = isFree(e, mask.value);
   mask.length = partLength(e, above0(mask.value));
