@@ -140,16 +140,16 @@ TEST(VolumePassLattice, BendingOfLinearMotionsCostsNothing) {
     linear[i] = 1 + p.dot(Vec3(1, -2, 3));
     square[i] = (p.x() * p.x() + p.x() * p.y()) / (m.lattice.cell.x() * m.lattice.cell.x());
   }
-  EXPECT_LE(linear.dot(k * linear), 1e-20 * k.norm() * linear.squaredNorm());
+  EXPECT_LE(linear.dot(k * linear), 1e-18 * k.norm() * linear.squaredNorm());
   // Second differences of x^2 + xy in cells: 2 along x, 1 mixed, counted twice.
   EXPECT_GT(square.dot(k * square), 0.3 * (4 + 2) * static_cast<double>(n));
   EXPECT_LE(square.dot(k * square), (4 + 2) * static_cast<double>(n));
 }
 
-TEST(VolumePassLattice, LumpingTheSurfaceInHalfCellsHardlyChangesTheEnergy) {
+TEST(VolumePassLattice, SurfaceEnergyFromMomentsIsTheMeanSquareDisplacement) {
   const Mesh mesh = tests::makeCapsule({.around = 64, .along = 80});
   const Made m = make(mesh, halfStretched(mesh));
-  const SparseMatrix lumped = surfaceMatrix(m.lattice, m.parts);
+  const SparseMatrix matrix = surfaceMatrix(m.lattice, m.parts);
   const LocalPart& part = m.parts.part[0];
   std::vector<Vec3> nodes(m.lattice.active.size()), moved(part.size());
   for (std::size_t i = 0; i < nodes.size(); ++i) {
@@ -164,14 +164,14 @@ TEST(VolumePassLattice, LumpingTheSurfaceInHalfCellsHardlyChangesTheEnergy) {
   }
   Eigen::MatrixX3d y(static_cast<Eigen::Index>(nodes.size()), 3);
   for (Eigen::Index i = 0; i < y.rows(); ++i) y.row(i) = nodes[static_cast<std::size_t>(i)].transpose();
-  EXPECT_NEAR((y.transpose() * (lumped * y)).trace() / exact, 1, 0.01);
+  EXPECT_NEAR((y.transpose() * (matrix * y)).trace() / exact, 1, 1e-12);
   EXPECT_NEAR(area, 1, 1e-12);
 }
 
 TEST(VolumePassShares, AreAlikeInABendAndLargeWhereAStretchWas) {
   const Mesh mesh = tests::makeCapsule({.around = 32, .along = 60, .bump = 0});
   const Made bent = make(mesh, tests::bendMap(mesh.positions(), 1.5));
-  for (const double s : bent.parts.part[0].share) EXPECT_NEAR(s, 1, 0.1);
+  for (const double s : bent.parts.part[0].share) EXPECT_NEAR(s, 1, 0.2);
   const Made stretched = make(mesh, halfStretched(mesh));
   const LocalPart& part = stretched.parts.part[0];
   for (std::size_t i = 0; i < part.size(); ++i) {

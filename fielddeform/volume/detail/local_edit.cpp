@@ -11,7 +11,7 @@ namespace fielddeform::volume::detail {
 namespace {
 
 constexpr std::size_t kGrain = 8192;
-constexpr double kThinnest = 1.0 / 30;  // of sqrt(A): what a flat patch counts as thick
+constexpr double kThinnest = 1.0 / 60;  // of sqrt(A): what a flat patch counts as thick
 
 // Sums whose error does not grow with the number of terms. [Neumaier 1974]
 struct ExactSum {

@@ -31,7 +31,7 @@ struct LocalEdit {
 };
 
 /// l = 2 |V_p| / A_p of the faces with a vertex that `counts`: 2 sum |V_p| / sum A_p over their connected patches, each closed
-/// by cones from the centroid of its rim. The radius of a long tube, 2/3 of a ball's. At least sqrt(A) / 30 (flat patches).
+/// by cones from the centroid of its rim. The radius of a long tube, 2/3 of a ball's. At least sqrt(A) / 60 (flat patches).
 double partLength(const LocalEdit& edit, const std::vector<std::uint8_t>& counts);
 
 /// Posed and rest volumes of components.

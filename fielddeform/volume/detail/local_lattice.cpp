@@ -1,4 +1,5 @@
 // The lattice of the pass and its quadratic energy.
+#include <fielddeform/core/parallel.h>
 #include <fielddeform/volume/detail/local_lattice.h>
 
 #include <algorithm>
@@ -10,12 +11,6 @@ namespace {
 constexpr double kPadding = 0.02, kCellOverLength = 1.25, kThinnest = 1e-3;
 constexpr int kFewestCells = 3, kMostCells = 29;
 constexpr int kStencil = 7, kStencilSize = kStencil * kStencil * kStencil;  // functions overlap three nodes away
-
-// The four cubic B-splines of a cell at u in [0, 1].
-std::array<double, 4> cubic(double u) {
-  const double w = 1 - u;
-  return {w * w * w / 6, (3 * u * u * u - 6 * u * u + 4) / 6, (3 * w * w * w - 6 * w * w + 4) / 6, u * u * u / 6};
-}
 
 int cellOf(double t, int cells) { return std::clamp(static_cast<int>(std::floor(t)), 0, cells - 1); }
 
@@ -127,27 +122,105 @@ class StencilMatrix {
   std::vector<double> value_;
 };
 
-struct Lump {
-  double weight = 0;
-  Vec3 sum = Vec3::Zero();
-};
+// Over one cell a product of two of its 64 functions is a polynomial of degree 6 along each axis, so that the moments
+// sum w x^a y^b z^c of the cell's vertices, a, b, c <= 6, give all 64 x 64 sums exactly: 343 numbers a vertex instead of 4096.
+constexpr int kMoments = 7, kMomentStride = 8, kPairs = 10;
+using CellMoments = std::array<double, kMoments * kMoments * kMomentStride>;  // z, y, x; x padded to whole vectors
+using CellProducts = std::array<double, kPairs * kPairs * kPairs>;
 
-void addLump(StencilMatrix& m, const LocalLattice& l, const Lump& lump, const std::array<int, 3>& first) {
-  const Vec3 p = lump.sum / lump.weight;
-  std::array<double, 4> w[3];
-  for (int k = 0; k < 3; ++k)
-    w[k] = cubic(std::clamp((p[k] - l.lattice.box.origin[k]) / l.cell[k] - first[k], 0.0, 1.0));
-  double phi[64];
+// Coefficients in t = 2 u - 1 of the products of two of a cell's four cubic B-splines, pairs i <= j row by row.
+std::array<std::array<double, kMoments>, kPairs> pairPolynomials() {
+  // 48 times the splines: (1 - t)^3, 3 t^3 - 3 t^2 - 15 t + 23, ..., (1 + t)^3.
+  constexpr double kSpline[4][4] = {{1, -3, 3, -1}, {23, -15, -3, 3}, {23, 15, -3, -3}, {1, 3, 3, 1}};
+  std::array<std::array<double, kMoments>, kPairs> out{};
+  for (int i = 0, pair = 0; i < 4; ++i)
+    for (int j = i; j < 4; ++j, ++pair)
+      for (int a = 0; a < 4; ++a)
+        for (int b = 0; b < 4; ++b) out[pair][a + b] += kSpline[i][a] * kSpline[j][b] / (48.0 * 48.0);
+  return out;
+}
+
+int pairIndex(int i, int j) {
+  const int low = std::min(i, j), high = std::max(i, j);
+  return low * 4 - low * (low - 1) / 2 + high - low;
+}
+
+void addMoments(CellMoments& m, const Vec3& t, double weight) {
+  double x[kMomentStride] = {}, y[kMoments], z[kMoments];
+  x[0] = y[0] = 1, z[0] = weight;
+  for (int a = 1; a < kMoments; ++a) x[a] = x[a - 1] * t.x(), y[a] = y[a - 1] * t.y(), z[a] = z[a - 1] * t.z();
+  double* at = m.data();
+  for (int c = 0; c < kMoments; ++c)
+    for (int b = 0; b < kMoments; ++b, at += kMomentStride) {
+      const double s = z[c] * y[b];
+      for (int a = 0; a < kMomentStride; ++a) at[a] += s * x[a];
+    }
+}
+
+CellProducts productsOf(const CellMoments& m) {
+  static const auto kPair = pairPolynomials();
+  std::array<double, kPairs * kMoments * kMoments> one{};  // pair x, b, c
+  std::array<double, kPairs * kPairs * kMoments> two{};    // pair x, pair y, c
+  CellProducts three{};
+  for (int p = 0; p < kPairs; ++p)
+    for (int c = 0; c < kMoments; ++c)
+      for (int b = 0; b < kMoments; ++b)
+        for (int a = 0; a < kMoments; ++a)
+          one[(p * kMoments + b) * kMoments + c] += kPair[p][a] * m[(c * kMoments + b) * kMomentStride + a];
+  for (int p = 0; p < kPairs; ++p)
+    for (int q = 0; q < kPairs; ++q)
+      for (int b = 0; b < kMoments; ++b)
+        for (int c = 0; c < kMoments; ++c) two[(p * kPairs + q) * kMoments + c] += kPair[q][b] * one[(p * kMoments + b) * kMoments + c];
+  for (int pq = 0; pq < kPairs * kPairs; ++pq)
+    for (int r = 0; r < kPairs; ++r)
+      for (int c = 0; c < kMoments; ++c) three[pq * kPairs + r] += kPair[r][c] * two[pq * kMoments + c];
+  return three;
+}
+
+void addCell(StencilMatrix& m, const std::array<int, 3>& cell, const CellProducts& products) {
   Index own[64];
-  for (int c = 0, a = 0; c < 4; ++c)
-    for (int j = 0; j < 4; ++j)
-      for (int i = 0; i < 4; ++i, ++a) {
-        phi[a] = w[0][i] * w[1][j] * w[2][c];
-        own[a] = m.own(first[0] + i, first[1] + j, first[2] + c);
-      }
+  for (int a = 0; a < 64; ++a) own[a] = m.own(cell[0] + a % 4, cell[1] + a / 4 % 4, cell[2] + a / 16);
   for (int a = 0; a < 64; ++a)
     for (int b = 0; b < 64; ++b)
-      m.at(own[a], b % 4 - a % 4, b / 4 % 4 - a / 4 % 4, b / 16 - a / 16) += lump.weight * phi[a] * phi[b];
+      m.at(own[a], b % 4 - a % 4, b / 4 % 4 - a / 4 % 4, b / 16 - a / 16) +=
+          products[(pairIndex(a % 4, b % 4) * kPairs + pairIndex(a / 4 % 4, b / 4 % 4)) * kPairs + pairIndex(a / 16, b / 16)];
+}
+
+struct CellPoint {
+  Vec3 t;         ///< in [-1, 1]^3 of its cell
+  double weight;  ///< a m^2
+};
+
+// The moved vertices cell by cell, in the parts' order.
+struct CellPoints {
+  std::vector<std::array<int, 3>> cell;
+  std::vector<std::size_t> start{0};
+  std::vector<CellPoint> point;
+};
+CellPoints sortByCell(const LocalLattice& l, const LocalParts& parts) {
+  const auto cellsX = static_cast<std::size_t>(l.cells[0]), cellsY = static_cast<std::size_t>(l.cells[1]);
+  std::vector<std::size_t> at(cellsX * cellsY * static_cast<std::size_t>(l.cells[2]) + 1, 0);
+  const auto place = [&](const Vec3& p, std::array<int, 3>& c) {
+    for (int k = 0; k < 3; ++k) c[k] = cellOf((p[k] - l.lattice.box.origin[k]) / l.cell[k], l.cells[k]);
+    return static_cast<std::size_t>(c[0]) + cellsX * (static_cast<std::size_t>(c[1]) + cellsY * static_cast<std::size_t>(c[2]));
+  };
+  std::array<int, 3> c{};
+  eachMoved(parts, [&](const LocalPart& part, std::size_t v) { ++at[place(part.base[v], c) + 1]; });
+  CellPoints out;
+  for (std::size_t i = 0; i + 1 < at.size(); ++i) {
+    if (at[i + 1] > 0) {
+      out.cell.push_back({static_cast<int>(i % cellsX), static_cast<int>(i / cellsX % cellsY), static_cast<int>(i / cellsX / cellsY)});
+      out.start.push_back(out.start.back() + at[i + 1]);
+    }
+    at[i + 1] += at[i];
+  }
+  out.point.resize(at.back());
+  eachMoved(parts, [&](const LocalPart& part, std::size_t v) {
+    CellPoint& p = out.point[at[place(part.base[v], c)]++];
+    for (int k = 0; k < 3; ++k) p.t[k] = 2 * ((part.base[v][k] - l.lattice.box.origin[k]) / l.cell[k] - c[k]) - 1;
+    p.weight = part.area[v] * part.mask[v] * part.mask[v];
+  });
+  return out;
 }
 
 }  // namespace
@@ -193,23 +266,21 @@ SparseMatrix bendingMatrix(const LocalLattice& lattice) {
 }
 
 SparseMatrix surfaceMatrix(const LocalLattice& l, const LocalParts& parts) {
-  const std::array<std::size_t, 3> half{2 * static_cast<std::size_t>(l.cells[0]), 2 * static_cast<std::size_t>(l.cells[1]),
-                                        2 * static_cast<std::size_t>(l.cells[2])};
-  std::vector<Lump> lumps(half[0] * half[1] * half[2]);
-  eachMoved(parts, [&](const LocalPart& part, std::size_t v) {
-    std::size_t c[3];
-    for (int k = 0; k < 3; ++k)
-      c[k] = static_cast<std::size_t>(cellOf(2 * (part.base[v][k] - l.lattice.box.origin[k]) / l.cell[k], 2 * l.cells[k]));
-    Lump& lump = lumps[c[0] + half[0] * (c[1] + half[1] * c[2])];
-    const double w = part.area[v] * part.mask[v] * part.mask[v];
-    lump.weight += w;
-    lump.sum += w * part.base[v];
-  });
+  constexpr std::size_t kBatch = 512;  // cells whose products are held at a time
+  const CellPoints points = sortByCell(l, parts);
   StencilMatrix m(l);
-  for (std::size_t at = 0; at < lumps.size(); ++at) {
-    const std::array<int, 3> cell{static_cast<int>(at % half[0] / 2), static_cast<int>(at / half[0] % half[1] / 2),
-                                  static_cast<int>(at / half[0] / half[1] / 2)};
-    if (lumps[at].weight > 0) addLump(m, l, lumps[at], cell);
+  std::vector<CellProducts> products(std::min(kBatch, points.cell.size()));
+  for (std::size_t first = 0; first < points.cell.size(); first += kBatch) {
+    const std::size_t count = std::min(kBatch, points.cell.size() - first);
+    parallelFor(count, 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        CellMoments moments{};
+        for (std::size_t p = points.start[first + i]; p < points.start[first + i + 1]; ++p)
+          addMoments(moments, points.point[p].t, points.point[p].weight);
+        products[i] = productsOf(moments);
+      }
+    });
+    for (std::size_t i = 0; i < count; ++i) addCell(m, points.cell[first + i], products[i]);
   }
   return m.matrix();
 }

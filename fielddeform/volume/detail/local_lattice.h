@@ -22,7 +22,7 @@ LocalLattice makeLattice(LocalParts& parts, double length, const std::optional<s
 /// The two terms of H = B^T diag(a) B + (l / h)^4 / N K, over the active nodes; both triangles.
 /// K: squared second differences along the axes, mixed ones twice: the bending of the lattice; rigid and linear motions cost nothing.
 SparseMatrix bendingMatrix(const LocalLattice& lattice);
-/// B^T diag(a) B with the vertices of a half cell lumped at their centroid.
+/// B^T diag(a) B, exactly, from the moments of the vertices in each cell.
 SparseMatrix surfaceMatrix(const LocalLattice& lattice, const LocalParts& parts);
 /// (l / h)^power / N
 double stiffness(const LocalLattice& lattice, double length, int power);
