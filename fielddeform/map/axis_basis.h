@@ -1,7 +1,7 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 namespace fielddeform::map {
@@ -26,10 +26,12 @@ class AxisBasis {
  public:
   /// @param nodes >= 2, the degree is nodes - 1. Stable for any degree (de Casteljau's recurrence).
   static AxisBasis bernstein(int nodes);
-  /// @param nodes  distinct nodes, >= 2; degree 1..3 (lowered to nodes - 1 where there are too few)
+  /// @param nodes  distinct nodes, >= 2; degree 1..3 (lowered to nodes - 1 where there are too few). Uniform spacing.
+  /// @throw std::invalid_argument also for Border::Knots
   static AxisBasis bspline(int nodes, int degree, Border border);
   /// @param knots  nodes + degree + 1 non-decreasing numbers; the domain knots[degree] .. knots[nodes] becomes [0, 1]
-  /// @throw std::invalid_argument if they decrease, are not finite, or an inner knot has a multiplicity above degree
+  /// @throw std::invalid_argument if they decrease, are not finite, an inner knot has a multiplicity above degree, or an
+  ///        end of the domain one above degree + 1
   static AxisBasis withKnots(int degree, std::vector<double> knots);
 
   BasisKind kind() const noexcept;
@@ -38,7 +40,8 @@ class AxisBasis {
   int nodes() const noexcept;
   /// Functions that do not vanish at one point at most: nodes() for Bernstein, degree + 1 for B-splines.
   int support() const noexcept;
-  const std::vector<double>& knots() const noexcept;  ///< empty for Bernstein
+  /// Empty for Bernstein. Of a coincident border: uniform, over the nodes with the outer ones repeated `degree` times.
+  const std::vector<double>& knots() const noexcept;
   double restNode(int i) const;                       ///< box coordinate of node i
 
   struct Values {
@@ -48,14 +51,32 @@ class AxisBasis {
   };
   /// @param u in [0, 1] (clamped)
   Values evaluate(double u) const;
+  /// The same without an allocation. @param weight, slope  support() numbers each; slope may be null
+  /// @return the node of weight[0]
+  int evaluate(double u, double* weight, double* slope) const;
+
+  bool operator==(const AxisBasis& other) const;
 
  private:
+  // One polynomial piece. Functions of the left half (2k < degree) are polynomials of 1 - t, the others of t, so that none
+  // suffers cancellation: weight_k = sum_m power[m][k] (1 - t or t)^m.
+  enum class Parameter : std::uint8_t { Straight, RootLeft, RootRight };
+  struct Piece {
+    double from = 0;                          // the u where it begins
+    double origin = 0, scale = 1, shift = 0;  // x = (u - origin) scale - shift
+    Parameter parameter = Parameter::Straight;  // t = x; or the root of 1 + 3t + 3t^2 - t^3 = 6x, from the left or right
+    int first = 0;
+    std::array<std::array<double, 4>, 4> power{};
+  };
   AxisBasis() = default;
+  void makeUniformPieces(int segments, double firstAt, int firstNode);
+  void makeCoincidentEnds();
   BasisKind kind_ = BasisKind::Bernstein;
   Border border_ = Border::Knots;
   int degree_ = 1;
   int nodes_ = 2;
   std::vector<double> knots_, rest_;
+  std::vector<Piece> pieces_;  // ascending; none for Bernstein
 };
 
 }  // namespace fielddeform::map

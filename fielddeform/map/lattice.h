@@ -17,14 +17,16 @@ struct LatticeBox {
 };
 
 /// The smallest box along the axes x, y, z, or an oriented one along the principal axes, with `padding` (share of the
-/// longest edge) on every side. Flat or thin sets get a thickness of 1e-3 of the longest edge (a single point: a unit box).
-/// Points that are not finite are left out.
+/// longest edge) on every side. Flat or thin sets get a thickness of 1e-3 of the longest edge (a single point, or none: a
+/// unit box about it). Points that are not finite are left out. The oriented box's first edge runs along the greatest
+/// variance of the points (the rules of sign and tie of skeleton::autoAxis); right-handed.
 LatticeBox fitBox(Points points, double padding = 0);
 LatticeBox fitOrientedBox(Points points, double padding = 0);
 
 /// What becomes of points outside the box.
 enum class Outside : std::uint8_t {
-  Extend,  ///< carried by the derivative at the nearest point of the box (in lattice coordinates): the map stays C1
+  Extend,  ///< each axis's functions go on along their tangents at the box's end: the map stays C1 everywhere (the tangent
+           ///< of the whole map, F(c) + J(c)(u - c) at the clamped c, would be broken where two faces' outsides meet)
   Keep,    ///< left where they are: the map jumps at the box
 };
 
@@ -38,20 +40,22 @@ struct Lattice {
 
   std::array<int, 3> nodes() const noexcept;   ///< per axis
   std::size_t nodeCount() const noexcept;      ///< #N
+  /// @param i, j, k  0 <= i < nodes()[0] ...
   Index index(int i, int j, int k) const noexcept;
   std::vector<Vec3> restNodes() const;         ///< #N by 3, world
   /// @throw std::invalid_argument
   void validate() const;
 };
 
-/// Free-form deformation by a lattice. Statuses: Fixed (identity, kept outside, or Invalid for points that are not finite),
-/// else Converged; residuals 0. Nodes that were not moved: the input bit for bit.
+/// Free-form deformation by a lattice. [Sederberg & Parry 1986; Griessmair & Purgathofer 1989; Hsu et al. 1992]
+/// Statuses: Fixed where the displacement is exactly zero (no node of the support was moved, or kept outside): the input
+/// bit for bit; Invalid for points that are not finite or whose image is not; else Converged. Residuals 0.
 class LatticeMap final : public LinearMap {
  public:
   /// @throw std::invalid_argument if the lattice is not valid
   explicit LatticeMap(Lattice lattice);
 
-  const Lattice& lattice() const noexcept;
+  Lattice lattice() const;  ///< with the displacements of this map
   Vec3 position(const Vec3& rest) const;
   Mat3 jacobian(const Vec3& rest) const;   ///< row = output coordinate
 
