@@ -25,6 +25,9 @@ class Energy {
   virtual double gradient(Points displacements, std::span<Vec3> gradient) const = 0;
   /// The whole symmetric matrix (both triangles), 3N by 3N; component c of node i is row 3 i + c.
   virtual SparseMatrix hessian(Points displacements) const = 0;
+  /// h += weight * Hessian, restricted to some nodes. The default goes by hessian().
+  /// @param rows  for node i its row of 3 in h (row 3 rows[i] + c), or kNoIndex to leave it out; #N
+  virtual void addHessian(Points displacements, double weight, std::span<const Index> rows, Eigen::MatrixXd& h) const;
 };
 
 /// Which neighbours of a lattice node a spring leads to. "Each inner node has 14 neighbours" [Hirota et al. 1999,
@@ -61,10 +64,14 @@ class SpringNetwork final : public Energy {
   double value(Points displacements) const override;
   double gradient(Points displacements, std::span<Vec3> gradient) const override;
   SparseMatrix hessian(Points displacements) const override;
+  void addHessian(Points displacements, double weight, std::span<const Index> rows, Eigen::MatrixXd& h) const override;
   const std::vector<Spring>& springs() const noexcept { return springs_; }
   Points rest() const noexcept { return rest_; }
 
  private:
+  template <class Add>
+  void eachBlock(Points displacements, Add&& add) const;
+
   std::vector<Vec3> rest_;
   std::vector<Spring> springs_;
 };

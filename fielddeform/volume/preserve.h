@@ -12,6 +12,7 @@ namespace fielddeform::volume {
 enum class Solver : std::uint8_t {
   Exact,                ///< sequential quadratic programming over the exact derivatives: the default
   AugmentedLagrangian,  ///< the paper's method [Hirota et al. 1999]
+  Projection,           ///< no energy: the start is moved along dV/dX of the free nodes until the volume is met
 };
 enum class Minimiser : std::uint8_t {
   ConjugateGradients,  ///< Polak-Ribiere, the paper's "typical gradient descent" [PTVF92]
@@ -117,10 +118,25 @@ struct Result {
   Report report;
 };
 
+/// A problem with everything that depends on its meshes and map alone: edges checked, bases taken. Immutable; copies share.
+class Prepared {
+ public:
+  /// @throw std::invalid_argument  @throw InfeasibleError if a mesh has no volume, or it is negative (faces turned inwards)
+  explicit Prepared(Problem problem);
+  const Problem& problem() const noexcept;
+  struct Impl;
+  const std::shared_ptr<const Impl>& impl() const noexcept { return impl_; }
+
+ private:
+  std::shared_ptr<const Impl> impl_;
+};
+
 /// Solves a problem. Bits do not depend on the number of threads.
+/// @param start  #N by 3 instead of Problem::start, or empty
 /// @throw std::invalid_argument  @throw Cancelled
 /// @throw InfeasibleError if nothing can meet the constraints: no free node moves the surface, a target volume that is not
 ///        positive, an open mesh, contradicting point targets
+Result preserve(const Prepared& prepared, const Options& options, Progress& progress, Points start = {});
 Result preserve(const Problem& problem, const Options& options, Progress& progress);
 
 /// The same problem solved again and again from where it stands, as while a node is dragged: keeps the exact form and
@@ -129,7 +145,7 @@ class Session {
  public:
   /// Builds the form (for up to 64 nodes); the first solve() may be had sooner by preserve().
   /// @param options  as for preserve(); the solver is the exact one
-  Session(Problem problem, const Options& options);
+  Session(const Prepared& prepared, const Options& options);
   ~Session();
   Session(Session&&) noexcept;
   Session& operator=(Session&&) noexcept;

@@ -6,6 +6,17 @@
 
 namespace fielddeform::volume {
 
+void Energy::addHessian(Points d, double weight, std::span<const Index> rows, Eigen::MatrixXd& h) const {
+  const SparseMatrix all = hessian(d);
+  for (Eigen::Index j = 0; j < all.outerSize(); ++j) {
+    const Index column = rows[static_cast<std::size_t>(j / 3)];
+    if (column == kNoIndex) continue;
+    for (SparseMatrix::InnerIterator it(all, j); it; ++it)
+      if (const Index row = rows[static_cast<std::size_t>(it.row() / 3)]; row != kNoIndex)
+        h(3 * static_cast<Eigen::Index>(row) + it.row() % 3, 3 * static_cast<Eigen::Index>(column) + j % 3) += weight * it.value();
+  }
+}
+
 QuadraticEnergy::QuadraticEnergy(SparseMatrix matrix) : matrix_(std::move(matrix)) {
   if (matrix_.rows() != matrix_.cols())
     throw std::invalid_argument(fmt::format("matrix: {} by {}, expected a square one", matrix_.rows(), matrix_.cols()));

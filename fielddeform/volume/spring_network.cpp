@@ -101,17 +101,23 @@ double SpringNetwork::gradient(Points d, std::span<Vec3> out) const {
   return sum;
 }
 
-SparseMatrix SpringNetwork::hessian(Points d) const {
+template <class Add>
+void SpringNetwork::eachBlock(Points d, Add&& add) const {
   checkSize(d.size(), rest_.size());
-  std::vector<Eigen::Triplet<double>> entries;
-  entries.reserve(springs_.size() * 36);
   for (const Spring& s : springs_) {
     const Vec3 e = (rest_[s.end] - rest_[s.start]) + (d[s.end] - d[s.start]);
     const double length = e.norm();
     if (!(length > 0)) continue;
     const Vec3 u = e / length;
     const double across = 1 - s.length / length;
-    const Mat3 block = s.stiffness * (across * Mat3::Identity() + (1 - across) * u * u.transpose());
+    add(s, Mat3(s.stiffness * (across * Mat3::Identity() + (1 - across) * u * u.transpose())));
+  }
+}
+
+SparseMatrix SpringNetwork::hessian(Points d) const {
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(springs_.size() * 36);
+  eachBlock(d, [&](const Spring& s, const Mat3& block) {
     const int a = static_cast<int>(3 * s.start), b = static_cast<int>(3 * s.end);
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 3; ++c) {
@@ -119,11 +125,24 @@ SparseMatrix SpringNetwork::hessian(Points d) const {
         entries.emplace_back(a + r, a + c, h), entries.emplace_back(b + r, b + c, h);
         entries.emplace_back(a + r, b + c, -h), entries.emplace_back(b + r, a + c, -h);
       }
-  }
+  });
   const auto size = static_cast<Eigen::Index>(3 * rest_.size());
   SparseMatrix out(size, size);
   out.setFromTriplets(entries.begin(), entries.end());
   return out;
+}
+
+void SpringNetwork::addHessian(Points d, double weight, std::span<const Index> rows, Eigen::MatrixXd& h) const {
+  checkSize(rows.size(), rest_.size());
+  eachBlock(d, [&](const Spring& s, const Mat3& block) {
+    const Index a = rows[s.start], b = rows[s.end];
+    const auto at = [](Index row) { return 3 * static_cast<Eigen::Index>(row); };
+    if (a != kNoIndex) h.block<3, 3>(at(a), at(a)) += weight * block;
+    if (b != kNoIndex) h.block<3, 3>(at(b), at(b)) += weight * block;
+    if (a == kNoIndex || b == kNoIndex) return;
+    h.block<3, 3>(at(a), at(b)) -= weight * block;
+    h.block<3, 3>(at(b), at(a)) -= weight * block;
+  });
 }
 
 }  // namespace fielddeform::volume

@@ -99,15 +99,15 @@ SurfaceVolume::SurfaceVolume(Points rest, std::vector<Index> triangles, std::vec
     if (r != kNoIndex) ++first_[r + 1];
   std::partial_sum(first_.begin(), first_.end(), first_.begin());
   triangles_.resize(3 * first_.back());
-  regionOf_.resize(first_.back());
+  std::vector<Index> regionOf(first_.back());
   std::vector<std::size_t> next(first_.begin(), first_.end() - 1);
   for (std::size_t t = 0; t < region.size(); ++t) {
     if (region[t] == kNoIndex) continue;
     const std::size_t to = next[region[t]]++;
     std::copy_n(triangles.begin() + static_cast<std::ptrdiff_t>(3 * t), 3, triangles_.begin() + static_cast<std::ptrdiff_t>(3 * to));
-    regionOf_[to] = region[t];
+    regionOf[to] = region[t];
   }
-  const auto edges = regionEdges(vertexCount_, triangles_, regionOf_, regions);
+  const auto edges = regionEdges(vertexCount_, triangles_, regionOf, regions);
   for (std::size_t r = 0; r < regions; ++r) {
     const auto own = std::span<const Index>(triangles_).subspan(3 * first_[r], 3 * (first_[r + 1] - first_[r]));
     refuse(edges[r], r, regions, own.empty(), rims);
@@ -120,9 +120,28 @@ SurfaceVolume::SurfaceVolume(Points rest, std::vector<Index> triangles, std::vec
   cornerStart_.assign(vertexCount_ + 1, 0);
   for (const Index v : triangles_) ++cornerStart_[v + 1];
   std::partial_sum(cornerStart_.begin(), cornerStart_.end(), cornerStart_.begin());
-  corner_.resize(triangles_.size());
-  std::vector<Index> place(cornerStart_.begin(), cornerStart_.end() - 1);
-  for (std::size_t c = 0; c < triangles_.size(); ++c) corner_[place[triangles_[c]]++] = static_cast<Index>(c);
+  ring_.resize(triangles_.size()), ringRegion_.resize(triangles_.size());
+  std::vector<std::size_t> place(cornerStart_.begin(), cornerStart_.end() - 1);
+  for (std::size_t t = 0; t < regionOf.size(); ++t)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::size_t to = place[triangles_[3 * t + k]]++;
+      ring_[to] = {triangles_[3 * t + (k + 1) % 3], triangles_[3 * t + (k + 2) % 3]};
+      ringRegion_[to] = regionOf[t];
+    }
+  // A vertex's corners come region by region, as the triangles do.
+  vertexStart_.assign(regions + 1, 0);
+  const auto eachRegionOfVertex = [&](auto&& call) {
+    for (std::size_t v = 0; v < vertexCount_; ++v) {
+      const auto own = ringRegions(v);
+      for (std::size_t i = 0; i < own.size(); ++i)
+        if (i == 0 || own[i] != own[i - 1]) call(v, own[i]);
+    }
+  };
+  eachRegionOfVertex([&](std::size_t, Index r) { ++vertexStart_[r + 1]; });
+  std::partial_sum(vertexStart_.begin(), vertexStart_.end(), vertexStart_.begin());
+  regionVertices_.resize(vertexStart_.back());
+  std::vector<std::size_t> following(vertexStart_.begin(), vertexStart_.end() - 1);
+  eachRegionOfVertex([&](std::size_t v, Index r) { regionVertices_[following[r]++] = static_cast<Index>(v); });
 }
 
 double SurfaceVolume::value(Points x, std::size_t region) const {
@@ -153,15 +172,43 @@ void SurfaceVolume::gradient(Points x, std::span<const double> weight, std::span
     throw std::invalid_argument("gradient: sizes differ from the surface's");
   parallelFor(vertexCount_, kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
+      const auto corners = ring(v);
+      const auto regions = ringRegions(v);
       Vec3 sum = Vec3::Zero();
-      for (Index i = cornerStart_[v]; i < cornerStart_[v + 1]; ++i) {
-        const Index c = corner_[i], t = c / 3, k = c - 3 * t, r = regionOf_[t];
-        const Vec3 b = x[triangles_[3 * t + (k + 1) % 3]] - centre_[r], d = x[triangles_[3 * t + (k + 2) % 3]] - centre_[r];
-        sum += weight.empty() ? Vec3(b.cross(d)) : Vec3(weight[r] * b.cross(d));
+      for (std::size_t i = 0; i < corners.size(); ++i) {
+        const Vec3& o = centre_[regions[i]];
+        const Vec3 b = x[corners[i][0]] - o, c = x[corners[i][1]] - o;
+        sum += weight.empty() ? Vec3(b.cross(c)) : Vec3(weight[regions[i]] * b.cross(c));
       }
       out[v] = sum / 6;
     }
   });
+}
+
+double SurfaceVolume::valueAndGradient(Points x, std::size_t region, std::span<Vec3> out) const {
+  const auto own = vertices(region);
+  if (x.size() != vertexCount_ || out.size() != own.size()) throw std::invalid_argument("valueAndGradient: sizes differ from the surface's");
+  const Vec3 o = centre_[region];
+  const bool alone = regionCount() == 1;
+  // The volume is a cubic form about the centre: three times V is x . dV/dx.
+  return deterministicReduce(
+      own.size(), kGrain, 0.0,
+      [&](std::size_t begin, std::size_t end) {
+        double value = 0;
+        for (std::size_t k = begin; k < end; ++k) {
+          const auto corners = ring(own[k]);
+          const auto regions = ringRegions(own[k]);
+          Vec3 sum = Vec3::Zero();
+          for (std::size_t i = 0; i < corners.size(); ++i) {
+            if (!alone && regions[i] != region) continue;
+            sum += (x[corners[i][0]] - o).cross(x[corners[i][1]] - o);
+          }
+          out[k] = sum / 6;
+          value += out[k].dot(x[own[k]] - o);
+        }
+        return value;
+      },
+      std::plus<>()) / 3;
 }
 
 void SurfaceVolume::hessianTimes(Points x, Points p, std::span<const double> weight, std::span<Vec3> out) const {
@@ -170,12 +217,13 @@ void SurfaceVolume::hessianTimes(Points x, Points p, std::span<const double> wei
     throw std::invalid_argument("hessianTimes: sizes differ from the surface's");
   parallelFor(vertexCount_, kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
+      const auto corners = ring(v);
+      const auto regions = ringRegions(v);
       Vec3 sum = Vec3::Zero();
-      for (Index i = cornerStart_[v]; i < cornerStart_[v + 1]; ++i) {
-        const Index c = corner_[i], t = c / 3, k = c - 3 * t, r = regionOf_[t];
-        const Index ib = triangles_[3 * t + (k + 1) % 3], id = triangles_[3 * t + (k + 2) % 3];
-        const Vec3 b = x[ib] - centre_[r], d = x[id] - centre_[r];
-        sum += (weight.empty() ? 1.0 : weight[r]) * (p[ib].cross(d) + b.cross(p[id]));
+      for (std::size_t i = 0; i < corners.size(); ++i) {
+        const auto [ib, ic] = corners[i];
+        const Vec3& o = centre_[regions[i]];
+        sum += (weight.empty() ? 1.0 : weight[regions[i]]) * (p[ib].cross(x[ic] - o) + (x[ib] - o).cross(p[ic]));
       }
       out[v] = sum / 6;
     }

@@ -33,6 +33,17 @@ class SurfaceVolume {
   std::span<const Index> triangles(std::size_t region) const noexcept {
     return {triangles_.data() + 3 * first_[region], 3 * (first_[region + 1] - first_[region])};
   }
+  /// Vertices of a region's triangles, ascending.
+  std::span<const Index> vertices(std::size_t region) const noexcept {
+    return {regionVertices_.data() + vertexStart_[region], vertexStart_[region + 1] - vertexStart_[region]};
+  }
+  /// Corners at a vertex: the two vertices that follow it in its triangle, and that triangle's region.
+  std::span<const std::array<Index, 2>> ring(std::size_t vertex) const noexcept {
+    return {ring_.data() + cornerStart_[vertex], cornerStart_[vertex + 1] - cornerStart_[vertex]};
+  }
+  std::span<const Index> ringRegions(std::size_t vertex) const noexcept {
+    return {ringRegion_.data() + cornerStart_[vertex], cornerStart_[vertex + 1] - cornerStart_[vertex]};
+  }
   const Vec3& centre(std::size_t region) const noexcept { return centre_[region]; }
   /// Vertices of boundary edges; empty if all regions are closed. Ascending.
   const std::vector<Index>& rimVertices() const noexcept { return rim_; }
@@ -45,6 +56,9 @@ class SurfaceVolume {
   void gradient(Points x, std::span<const double> weight, std::span<Vec3> out) const;
   /// sum_r weight_r (d2V_r/dx2) p: the derivative of gradient() along p.
   void hessianTimes(Points x, Points p, std::span<const double> weight, std::span<Vec3> out) const;
+  /// V_r and dV_r/dx at the region's own vertices (vertices(r)) alone, in one pass.
+  /// @param out one a vertex of vertices(region), overwritten
+  double valueAndGradient(Points x, std::size_t region, std::span<Vec3> out) const;
   /// Coefficients c0 .. c3 of the cubic V_r(x + t d) in t, d a displacement.
   std::array<double, 4> alongLine(Points x, Points d, std::size_t region = 0) const;
 
@@ -53,9 +67,12 @@ class SurfaceVolume {
   std::vector<Index> triangles_, rim_;
   std::vector<std::size_t> first_;  ///< #R+1, triangles
   std::vector<Vec3> centre_;
-  // Corners at each vertex, for gradients that are gathered in a fixed order.
-  std::vector<Index> cornerStart_, corner_;
-  std::vector<Index> regionOf_;  ///< #T in the order of triangles_
+  // The two other vertices of each corner at a vertex, for gradients that are gathered in a fixed order.
+  std::vector<std::size_t> cornerStart_;
+  std::vector<std::array<Index, 2>> ring_;
+  std::vector<Index> ringRegion_;
+  std::vector<std::size_t> vertexStart_;
+  std::vector<Index> regionVertices_;
 };
 
 }  // namespace fielddeform::volume
