@@ -1,6 +1,7 @@
 #include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/json_writer.h>
 #include <fielddeform/scene/detail/scene_json.h>
+#include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/scene.h>
 #include <fielddeform/skeleton/edit_io.h>
 #include <fielddeform/skeleton/io.h>
@@ -136,7 +137,11 @@ void writeSceneBody(JsonWriter& json, const Scene& scene, const fs::path* folder
   if (scene.symmetry) json.member("symmetry", toString(*scene.symmetry));
   writeTracking(json, scene.tracking);
   writeResample(json, scene.resample);
-  json.key("volume").null();
+  json.key("volume");
+  if (scene.volume)
+    writeVolumePass(json, *scene.volume, folder ? [&](const fs::path& path) { return pathText(path, *folder); }
+                                                : std::function<std::string(const fs::path&)>{});
+  else json.null();
   if (scene.mask) {
     json.key("mask").beginObject(JsonLayout::Inline);
     if (!scene.mask->attribute.empty()) json.member("attribute", scene.mask->attribute);

@@ -60,14 +60,14 @@ struct LocalReport {
   bool needed = false;               ///< false: the volume was as at rest to 1e-12 already, and nothing was done
   MaskKind mask = MaskKind::Auto;
   bool fromFalloff = false;          ///< the auto mask is the falloff's weight
-  std::array<int, 3> nodes{};        ///< of the lattice, per axis
+  std::array<int, 3> nodes{};        ///< of the lattice (of the first, for more than 64 components), per axis
   std::size_t freeNodes = 0;         ///< those that reach the surface
   double length = 0;                 ///< l = 2 |V_p| / A_p of the moved part at rest, world: a tube's radius
   double cell = 0;                   ///< h, world: the lattice's longest cell edge
   std::size_t moved = 0;             ///< vertices with a mask above 0
   std::size_t components = 0;        ///< whose volumes were held
   int iterations = 0;
-  double change = 0;                 ///< before the pass: sum of the components' |dV| / sum of their |V|
+  double change = 0;                 ///< before the pass: dV / V of the held components together
   double deviation = 0;              ///< after it: the largest |dV / V| of a component
   double tau = 0;                    ///< |dV| / (l sum A m): share of its thickness that the part must give
   double undone = 0;                 ///< share of the edit that the pass takes back, - sum A d.u / sum A |u|^2

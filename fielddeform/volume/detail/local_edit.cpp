@@ -36,14 +36,17 @@ int exponentOf(Points a, Points b) {
 
 std::vector<Vec3> scaled(Points points, int exponent) {
   std::vector<Vec3> out(points.begin(), points.end());
+  const double factor = std::ldexp(1.0, -exponent);
+  const bool direct = std::isnormal(factor);
   parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v)
-      for (int k = 0; k < 3; ++k) out[v][k] = std::ldexp(out[v][k], -exponent);
+      for (int k = 0; k < 3; ++k) out[v][k] = direct ? out[v][k] * factor : std::ldexp(out[v][k], -exponent);
   });
   return out;
 }
 
-bool same(const Vec3& a, const Vec3& b) { return a == b; }
+// Points that are not finite come out of a deformation as they went in.
+bool same(const Vec3& a, const Vec3& b) { return a == b || (!a.allFinite() && !b.allFinite()); }
 
 void findStill(LocalEdit& e) {
   const std::size_t n = e.vertexCount();
@@ -60,7 +63,7 @@ void findStill(LocalEdit& e) {
   }
   // A single vertex that happens to stay (on the axis of a turn) belongs to what moved; one on a rim holds it.
   for (std::size_t v = 0; v < n; ++v)
-    if ((!hasFace[v] || e.rim[v]) && (same(e.rest[v], e.posed[v]) || !e.rest[v].allFinite())) e.still[v] = 1;
+    if ((!hasFace[v] || e.rim[v]) && same(e.rest[v], e.posed[v])) e.still[v] = 1;
 }
 
 void makeRings(LocalEdit& e) {

@@ -129,9 +129,11 @@ LocalSolve::LocalSolve(const LocalEdit& edit, LocalParts& parts, const LocalLatt
 }
 
 void LocalSolve::startAt(Points displacements) {
+  Nodes y(displacements.begin(), displacements.end());
+  if (gauge_) gauge_->projectMove(y);
   for (std::size_t c = 0; c < parts_.part.size(); ++c) {
     const LocalPart& part = parts_.part[c];
-    lattice_.map->combine(*part.binding, displacements, start_[c]);
+    lattice_.map->combine(*part.binding, y, start_[c]);
     for (std::size_t i = 0; i < part.size(); ++i) start_[c][i] += part.base[i];
   }
   x_ = last_ = start_;
