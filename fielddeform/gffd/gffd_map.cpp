@@ -264,6 +264,18 @@ std::size_t GffdMap::countPierced(const map::Binding& binding) const {
       [](std::size_t x, std::size_t y) { return x + y; });
 }
 
+bool GffdMap::hasFalloff() const noexcept { return impl_->stages.front()->hasFalloff(); }
+
+std::vector<double> GffdMap::falloffWeights(const map::Binding& binding) const {
+  const GffdBinding& b = own(binding, *impl_->embedding);
+  std::vector<double> out;
+  if (!hasFalloff()) return out;
+  out.resize(b.size(), 0);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (b.rest[i].allFinite() && b.movable(i)) out[i] = impl_->stages.front()->weight(b.value(i));
+  return out;
+}
+
 std::size_t GffdMap::countMovable(const map::Binding& binding) const {
   const GffdBinding& b = own(binding, *impl_->embedding);
   std::size_t count = 0;

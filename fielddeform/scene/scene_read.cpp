@@ -2,6 +2,7 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
 #include <fielddeform/map/lattice_io.h>
+#include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/scene.h>
 #include <fielddeform/skeleton/edit_io.h>
 #include <fielddeform/skeleton/io.h>
@@ -254,7 +255,7 @@ void readParts(const JsonValue& root, const fs::path& folder, Scene& scene) {
   if (const auto field = given(root, "field")) readField(*field, scene.tracking.field);
   if (const auto tracking = given(root, "tracking")) readTracking(*tracking, scene.tracking);
   if (const auto resample = given(root, "resample")) scene.resample = readResample(*resample);
-  if (const auto volume = given(root, "volume")) volume->fail("", "null: this version has no volume pass");
+  if (const auto volume = given(root, "volume")) scene.volume = detail::readVolumePass(*volume, folder);
   if (const auto mask = given(root, "mask")) scene.mask = readMask(*mask, folder);
   readOutput(root.require("output"), folder, scene.output);
   if (const auto check = given(root, "check")) scene.check = readCheck(*check);

@@ -2,6 +2,7 @@
 #include <fielddeform/core/json_writer.h>
 #include <fielddeform/map/lattice_io.h>
 #include <fielddeform/scene/detail/scene_json.h>
+#include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/scene.h>
 #include <fielddeform/skeleton/edit_io.h>
 #include <fielddeform/skeleton/io.h>
@@ -179,7 +180,11 @@ void writeSceneBody(JsonWriter& json, const Scene& scene, const fs::path* folder
   if (scene.lattices.empty()) writeSkeletonMethod(json, scene, folder);
   else writeLattices(json, scene, folder);
   writeResample(json, scene.resample);
-  json.key("volume").null();
+  json.key("volume");
+  if (scene.volume)
+    writeVolumePass(json, *scene.volume, folder ? [&](const fs::path& path) { return pathText(path, *folder); }
+                                                : std::function<std::string(const fs::path&)>{});
+  else json.null();
   if (scene.mask) {
     json.key("mask").beginObject(JsonLayout::Inline);
     if (!scene.mask->attribute.empty()) json.member("attribute", scene.mask->attribute);

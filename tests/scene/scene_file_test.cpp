@@ -207,7 +207,12 @@ TEST(SceneFile, MistakesNameTheirPlace) {
       {"\"version\": 1", "\"version\": 2", "version"},
       {"\"fielddeform-scene\"", "\"fielddeform-skeleton\"", "format"},
       {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\", \"frames\": 1}", "/output/frames"},
-      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {}", "/volume"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": true", "/volume"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"solvr\": \"exact\"}", "solver"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"energy\": \"spring\"}", "did you mean \"springs\""},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"mask\": {}}", "/volume/mask"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"mask\": \"given\"}", "/volume/mask"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"lattice\": [4, 3, 5]}", "/volume/lattice/1"},
       {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"mask\": {}", "/mask"},
       {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"tracking\": {\"falloff\": 0}", "/tracking/falloff"},
       {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"tracking\": {\"substeps\": 1.5}", "/tracking/substeps"},
@@ -224,6 +229,25 @@ TEST(SceneFile, MistakesNameTheirPlace) {
 TEST(SceneFile, UnknownKeysAreFreeInExtrasAlone) {
   EXPECT_EQ(problemOf(replaced(kSmall, "\"version\": 1", "\"version\": 1, \"extras\": {\"anything\": {\"x\": 1}}")), "");
   EXPECT_NE(problemOf(replaced(kSmall, "\"version\": 1", "\"version\": 1, \"anything\": 1")), "");
+}
+
+TEST(SceneFile, TheVolumePassReadsBack) {
+  const auto with = [](const char* volume) {
+    return parseScene(replaced(kSmall, "{\"mesh\": \"out.ply\"}", std::string("{\"mesh\": \"out.ply\"}, \"volume\": ") + volume), "a/scene.json");
+  };
+  EXPECT_FALSE(with("null").volume);
+  ASSERT_TRUE(with("{}").volume);
+  EXPECT_EQ(with("{}").volume->options.mask, volume::MaskKind::Auto);
+  const Scene scene = with(R"({"mask": {"file": "m.txt"}, "lattice": [4, 5, 6], "energy": "springs", "solver": "augmented-lagrangian"})");
+  const Scene back = parseScene(formatScene(scene, "b"), "b/scene.json");
+  for (const Scene* s : {&scene, &back}) {
+    EXPECT_EQ(s->volume->options.mask, volume::MaskKind::Given);
+    EXPECT_EQ(s->volume->mask->file.lexically_normal(), "a/m.txt");
+    EXPECT_EQ(*s->volume->options.nodes, (std::array<int, 3>{4, 5, 6}));
+    EXPECT_EQ(s->volume->options.energy, volume::LocalEnergy::Springs);
+    EXPECT_EQ(s->volume->options.solver, volume::LocalSolver::AugmentedLagrangian);
+  }
+  EXPECT_EQ(parseScene(formatScene(with("{\"mask\": \"rest\"}"), ""), "s.json").volume->options.mask, volume::MaskKind::Rest);
 }
 
 TEST(SceneFile, PathsStayRightWhenTheSceneIsSavedElsewhere) {

@@ -108,6 +108,11 @@ void printResult(const Job& job, const scene::RunResult& result, Terminal& termi
   row("folds", fmt::format("{} ({} in the input), {} faces flipped", r.foldsAfter, r.foldsBefore, r.flipped));
   row("stretch", fmt::format("{:.3f} at most", r.stretch.max));
   row("volume", volumeText(r.volume));
+  if (r.volume.pass && r.volume.pass->result.needed) {
+    const volume::LocalReport& v = r.volume.pass->result;
+    row("", fmt::format("restored by a pass from {:+.3f} % on {} vertices, moved by at most {:.3g}", 100 * v.change, v.moved,
+                        v.largest));
+  }
 }
 
 struct Row {
@@ -175,6 +180,24 @@ void requireUsable(const BatchOptions& options) {
     throw CLI::ValidationError("--save-scene: choices differ from mesh to mesh, give one mesh at a time");
 }
 
+namespace {
+
+scene::VolumePass volumePassOf(const BatchOptions& options) {
+  using volume::MaskKind;
+  scene::VolumePass pass = options.volumeOptions;
+  const std::string& mask = options.volumeMask;
+  if (mask == "none") pass.options.mask = MaskKind::None;
+  else if (mask == "rest") pass.options.mask = MaskKind::Rest;
+  if (mask.empty() || mask == "auto" || pass.options.mask != MaskKind::Auto) return pass;
+  pass.options.mask = MaskKind::Given;
+  pass.mask.emplace();
+  if (fs::is_regular_file(mask)) pass.mask->file = mask;
+  else pass.mask->attribute = mask;
+  return pass;
+}
+
+}  // namespace
+
 int runBatch(BatchOptions& options, Terminal& terminal) {
   scene::Scene& scene = options.scene;
   for (const std::string& mesh : options.meshes) scene.inputs.emplace_back(mesh);
@@ -185,6 +208,7 @@ int runBatch(BatchOptions& options, Terminal& terminal) {
     (name == "status" ? scene.output.statusAttribute
                       : name == "residual" ? scene.output.residualAttribute : scene.output.displacementAttribute) = true;
   if (options.resample) scene.resample = options.resampleOptions;
+  if (options.volume) scene.volume = volumePassOf(options);
   if (options.check) scene.check = options.checkOptions;
   if (!options.mask.empty()) {
     scene.mask.emplace();

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "values.h"
 
 namespace fielddeform::cli {
@@ -77,6 +79,41 @@ void addResampling(CLI::App& command, BatchOptions& options) {
           "As in Qin et al. 2003: by stretch alone, with the mean of the ends' field values")->group(group);
 }
 
+void setVolumeLattice(volume::LocalOptions& options, const std::string& text) {
+  options.nodes.reset();
+  if (text == "auto") return;
+  const std::vector<double> n = parseNumbers("--volume-lattice", text, 3);
+  options.nodes.emplace();
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (!(n[k] >= 4 && n[k] <= 64 && n[k] == std::floor(n[k])))
+      throw CLI::ConversionError(fmt::format("--volume-lattice: {}, expected auto or three whole numbers from 4 to 64", text));
+    (*options.nodes)[k] = static_cast<int>(n[k]);
+  }
+}
+
+void addVolume(CLI::App& command, BatchOptions& options) {
+  const char* group = "Volume";
+  volume::LocalOptions& v = options.volumeOptions.options;
+  const auto on = [&options] { options.volume = true; };
+  command.add_flag_callback("--preserve-volume", on, "Give the object the volume back that the deformation took or added")
+      ->group(group);
+  command.add_option_function<std::string>(
+      "--volume-mask", [&options, on](const std::string& text) { options.volumeMask = text; on(); },
+      "Which part gives it: what moved (default: auto), all (none), what did not (rest), or a number from 0 to 1 a vertex")
+      ->type_name("auto|none|rest|FILE")->group(group);
+  command.add_option_function<std::string>(
+      "--volume-lattice", [&v, on](const std::string& text) { setVolumeLattice(v, text); on(); },
+      "Nodes of the pass's lattice along x, y, z (default: auto, from the thickness of the part)")
+      ->type_name("auto|NX,NY,NZ")->group(group);
+  addWord(command, "--volume-energy", {"surface", "springs"},
+          [&v, on](std::size_t i) { v.energy = static_cast<volume::LocalEnergy>(i); on(); },
+          "What the pass keeps small besides the displacement: the lattice's bending (default: surface) or stretched springs")
+      ->group(group);
+  addWord(command, "--volume-solver", {"exact", "augmented-lagrangian"},
+          [&v, on](std::size_t i) { v.solver = static_cast<volume::LocalSolver>(i); on(); },
+          "How it is solved (default: exact; augmented-lagrangian is the paper's, over levels of detail)")->group(group);
+}
+
 void addEditing(CLI::App& command, BatchOptions& options) {
   const char* group = "Editing";
   command.add_option("--mask", options.mask,
@@ -150,6 +187,7 @@ void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options,
   addEditing(command, options);
   addTracking(command, options.scene.tracking);
   addResampling(command, options);
+  addVolume(command, options);
   addOutput(command, options);
   addCheck(command, options);
   addThreads(command, session);

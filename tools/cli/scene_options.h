@@ -13,8 +13,10 @@ struct BatchOptions {
   std::vector<std::string> meshes;
   std::string output, report, picture, saveScene, mask;
   std::vector<std::string> attributes;
-  bool resample = false, check = false;
+  bool resample = false, check = false, volume = false;
   resample::Options resampleOptions;
+  scene::VolumePass volumeOptions;
+  std::string volumeMask;             ///< a word, an attribute or a file
   scene::Check checkOptions;
   std::optional<double> allowResidual;
 };
