@@ -1,5 +1,6 @@
 #include <fielddeform/core/json_writer.h>
 #include <fielddeform/core/version.h>
+#include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/report.h>
 
 #include <algorithm>
@@ -37,6 +38,7 @@ void writeVolume(JsonWriter& json, const VolumeReport& volume) {
   writeNumber(json, "relative_change", volume.relativeChange());
   writeNumber(json, "as_written", volume.asWritten);
   if (!volume.reason.empty()) json.member("reason", volume.reason);
+  if (volume.pass) detail::writeVolumePassReport(json, *volume.pass);
   json.end();
 }
 

@@ -6,6 +6,7 @@
 #include <fielddeform/resample/refine.h>
 #include <fielddeform/skeleton/edit.h>
 #include <fielddeform/skeleton/skeleton.h>
+#include <fielddeform/volume/local.h>
 
 #include <filesystem>
 #include <optional>
@@ -30,6 +31,12 @@ using PosedSource = std::variant<std::filesystem::path, skeleton::Skeleton>;
 struct Mask {
   std::string attribute;        ///< a vertex attribute of the mesh; empty: `file`
   std::filesystem::path file;   ///< text, one number a vertex
+};
+
+/// Gives the object back the volume that the deformation took or added.
+struct VolumePass {
+  volume::LocalOptions options;
+  std::optional<Mask> mask;     ///< for volume::MaskKind::Given: 0 to 1 a vertex
 };
 
 /// A lattice made for each mesh, with nodes moved by number.
@@ -95,6 +102,7 @@ struct Scene {
   std::optional<Axis> symmetry;               ///< mirror the edits about the middle of the mesh's box
   gffd::Options tracking;
   std::optional<resample::Options> resample;
+  std::optional<VolumePass> volume;
   std::optional<Mask> mask;
   Output output;
   std::optional<Check> check;

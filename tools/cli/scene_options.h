@@ -13,14 +13,20 @@ struct BatchOptions {
   std::vector<std::string> meshes;
   std::string output, report, picture, saveScene, mask;
   std::vector<std::string> attributes;
-  bool resample = false, check = false;
+  bool resample = false, check = false, volume = false;
   resample::Options resampleOptions;
+  scene::VolumePass volumeOptions;
+  std::string volumeMask;             ///< a word, an attribute or a file
   scene::Check checkOptions;
   std::optional<double> allowResidual;
 };
 
 /// MESH..., -o, and all groups below.
 void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes);
+
+/// What the options say only together, after all are parsed: names of files whose extension is of no use, and several
+/// meshes where one is needed. @throw CLI::ValidationError
+void requireUsable(const BatchOptions& options);
 
 /// Fills the scene from the parsed options and runs it on every mesh. Several meshes: one bar, one that fails does not
 /// stop the rest, a table at the end.

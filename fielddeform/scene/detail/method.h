@@ -15,6 +15,12 @@ class Method {
  public:
   virtual ~Method() = default;
 
+  /// The falloff's share at every vertex of the mesh that was tracked last (refined, if it was); empty if there is none.
+  virtual std::vector<double> falloffWeights(const mesh::Mesh&) { return {}; }
+  /// The field's residual of vertices that were moved after tracking; nothing for methods without a field.
+  /// @param residual  #V, in: as tracked
+  virtual void updateResiduals(const mesh::Mesh&, Points /*tracked*/, Points /*moved*/, std::span<float> /*residual*/) {}
+
   /// The stage's name of prepare(): "skeleton", "lattice".
   virtual std::string_view preparation() const noexcept = 0;
   /// Reads and fits what deforms the mesh.

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <fielddeform/volume/cubic_form.h>
+#include <fielddeform/volume/detail/mesh_model.h>
+#include <fielddeform/volume/detail/moments.h>
+
+#include <memory>
+
+namespace fielddeform::volume::detail {
+
+/// One volume to keep: c = (V_region - target) / scale.
+struct VolumeTarget {
+  std::size_t region = 0;
+  double target = 0, scale = 1;
+};
+
+/// The nonlinear constraints as functions of the node displacements (world): volumes, then moments.
+class NodeConstraints {
+ public:
+  using Vector = Eigen::VectorXd;
+  using Matrix = Eigen::MatrixXd;
+  virtual ~NodeConstraints() = default;
+  virtual Eigen::Index count() const = 0;
+  virtual void values(Points d, Vector& c) = 0;
+  /// @param jacobian 3N by count(): column k is dc_k/dd
+  virtual void derivatives(Points d, Vector& c, Matrix& jacobian) = 0;
+  /// h += Hessian of sum multiplier_k c_k. @param rows as for CubicForm::addHessian(), N
+  virtual void addHessian(Points d, const Vector& multiplier, std::span<const Index> rows, Matrix& h) = 0;
+  virtual void linearize(Points d, const Vector& multiplier) = 0;
+  /// out = that Hessian (of the last linearize()) times p. N by 3
+  virtual void hessianTimes(Points p, std::span<Vec3> out) = 0;
+  int evaluations = 0;  ///< of values or derivatives
+};
+
+/// On a mesh, everything.
+class MeshConstraints final : public NodeConstraints {
+ public:
+  MeshConstraints(const MeshModel& model, std::vector<VolumeTarget> volumes, std::vector<MomentTarget> moments, double size);
+  Eigen::Index count() const override { return count_; }
+  void values(Points d, Vector& c) override;
+  void derivatives(Points d, Vector& c, Matrix& jacobian) override;
+  void addHessian(Points d, const Vector& multiplier, std::span<const Index> rows, Matrix& h) override;
+  void linearize(Points d, const Vector& multiplier) override;
+  void hessianTimes(Points p, std::span<Vec3> out) override;
+  const MeshModel& model() const { return model_; }
+  /// The one volume, if there is nothing else.
+  std::optional<VolumeTarget> single() const {
+    return volumes_.size() == 1 && moments_.empty() ? std::optional(volumes_[0]) : std::nullopt;
+  }
+
+ private:
+  void column(std::size_t region, Points g, Matrix& jacobian, Eigen::Index k) const;
+
+  const MeshModel& model_;
+  std::vector<VolumeTarget> volumes_;
+  std::vector<MomentTarget> moments_;
+  double size_;
+  Eigen::Index count_ = 0;
+  std::vector<Vec3> x_, p_, g_, nodes_;
+  Vector multiplier_;
+};
+
+/// Volumes by cubic forms, one a target; without moments.
+class FormConstraints final : public NodeConstraints {
+ public:
+  /// @param rest  N by 3; empty: the surface is not the nodes' alone, and three more nodes stand for its base
+  struct Form {
+    CubicForm form;
+    std::vector<Vec3> rest;  ///< of the form's nodes about the region's centre: the map's, then three unit vectors if extra
+  };
+  FormConstraints(std::vector<Form> forms, std::vector<VolumeTarget> volumes, std::size_t nodes);
+  /// The forms of the target regions of a mesh whose basis is kept as a matrix.
+  static FormConstraints ofMesh(const MeshModel& model, Points restNodes, std::vector<VolumeTarget> volumes);
+
+  void retarget(std::vector<VolumeTarget> volumes) { volumes_ = std::move(volumes); }
+  Eigen::Index count() const override { return static_cast<Eigen::Index>(volumes_.size()); }
+  void values(Points d, Vector& c) override;
+  void derivatives(Points d, Vector& c, Matrix& jacobian) override;
+  void addHessian(Points d, const Vector& multiplier, std::span<const Index> rows, Matrix& h) override;
+  void linearize(Points d, const Vector& multiplier) override;
+  void hessianTimes(Points p, std::span<Vec3> out) override;
+
+ private:
+  const std::vector<Vec3>& at(Points d, std::size_t k);
+
+  std::vector<Form> forms_;
+  std::vector<VolumeTarget> volumes_;
+  std::size_t nodes_ = 0;
+  std::vector<Vec3> x_, g_;
+  Matrix hessian_;
+};
+
+}  // namespace fielddeform::volume::detail

@@ -1,0 +1,217 @@
+#include <fielddeform/core/parallel.h>
+#include <fielddeform/volume/detail/lanes.h>
+#include <fielddeform/volume/detail/mesh_model.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace fielddeform::volume::detail {
+namespace {
+
+constexpr std::size_t kGrain = 1024;
+constexpr std::size_t kDenseEntries = 8u << 20;  // 64 MB
+
+bool isSmall(std::size_t points, std::size_t nodes) { return points * nodes <= kDenseEntries; }
+
+/// Columns x, y, z of values, padded with zeros.
+std::vector<double> columns(Points values, std::size_t stride) {
+  std::vector<double> out(3 * stride, 0.0);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    for (std::size_t c = 0; c < 3; ++c) out[c * stride + i] = values[i][static_cast<Eigen::Index>(c)];
+  return out;
+}
+
+}  // namespace
+
+RowMatrix denseBasis(const map::LinearMap& map, const map::Binding& binding) {
+  const map::SparseRows rows = map.basis(binding);
+  RowMatrix out = RowMatrix::Zero(static_cast<Eigen::Index>(rows.rows()), static_cast<Eigen::Index>(padded(map.nodeCount())));
+  parallelFor(rows.rows(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t r = begin; r < end; ++r)
+      for (std::size_t k = rows.start[r]; k < rows.start[r + 1]; ++k)
+        out(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(rows.column[k])) = rows.value[k];
+  });
+  return out;
+}
+
+MeshModel::MeshModel(const map::LinearMap& map, const Surface& surface, Rims rims)
+    : map_(&map),
+      binding_(surface.binding),
+      nodes_(map.nodeCount()),
+      base_(surface.base),
+      volume_(surface.base, surface.triangles, surface.region, rims) {
+  if (isSmall(base_.size(), nodes_)) basis_ = denseBasis(map, *binding_);
+}
+
+MeshModel::MeshModel(RowMatrix basis, std::vector<Vec3> base, std::vector<Index> triangles, std::vector<Index> region, Rims rims)
+    : nodes_(static_cast<std::size_t>(basis.cols())), base_(std::move(base)), volume_(base_, std::move(triangles), std::move(region), rims) {
+  const auto width = static_cast<Eigen::Index>(padded(nodes_));
+  if (basis.cols() != width) {
+    RowMatrix wide = RowMatrix::Zero(basis.rows(), width);
+    wide.leftCols(basis.cols()) = basis;
+    basis = std::move(wide);
+  }
+  basis_ = std::move(basis);
+}
+
+void MeshModel::positions(Points d, std::vector<Vec3>& x) const {
+  combine(d, x);
+  parallelFor(x.size(), kGrain * 8, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) x[v] = base_[v] + x[v];
+  });
+}
+
+void MeshModel::combine(Points p, std::vector<Vec3>& out) const {
+  out.resize(base_.size());
+  if (!basis_) return map_->combine(*binding_, p, out);
+  const auto stride = static_cast<std::size_t>(basis_->cols());
+  const std::vector<double> column = columns(p, stride);
+  parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v)
+      dot3(basis_->data() + v * stride, column.data(), column.data() + stride, column.data() + 2 * stride, stride, out[v].data());
+  });
+}
+
+template <class Vertex>
+void MeshModel::gatherRows(std::size_t count, Points g, Vertex&& vertex, std::span<Vec3> out) const {
+  const auto stride = static_cast<std::size_t>(basis_->cols());
+  const std::vector<double> sum = deterministicReduce(
+      count, kGrain, std::vector<double>(),
+      [&](std::size_t begin, std::size_t end) {
+        std::vector<double> part(3 * stride, 0.0);
+        double *px = part.data(), *py = px + stride, *pz = py + stride;
+        std::size_t k = begin;
+        for (; k + 2 <= end; k += 2) {  // two rows at once: half the traffic with the sums
+          const double* a = basis_->data() + vertex(k) * stride;
+          const double* b = basis_->data() + vertex(k + 1) * stride;
+          const Vec3 &ga = g[k], &gb = g[k + 1];
+          const double ax = ga.x(), ay = ga.y(), az = ga.z(), bx = gb.x(), by = gb.y(), bz = gb.z();
+          for (std::size_t i = 0; i < stride; ++i) {
+            px[i] += a[i] * ax + b[i] * bx;
+            py[i] += a[i] * ay + b[i] * by;
+            pz[i] += a[i] * az + b[i] * bz;
+          }
+        }
+        for (; k < end; ++k) {
+          const double* a = basis_->data() + vertex(k) * stride;
+          for (std::size_t i = 0; i < stride; ++i) px[i] += a[i] * g[k].x(), py[i] += a[i] * g[k].y(), pz[i] += a[i] * g[k].z();
+        }
+        return part;
+      },
+      [](const std::vector<double>& a, const std::vector<double>& b) {
+        if (a.empty()) return b;
+        std::vector<double> c(a);
+        for (std::size_t i = 0; i < c.size(); ++i) c[i] += b[i];
+        return c;
+      });
+  for (std::size_t i = 0; i < nodes_; ++i)
+    out[i] = sum.empty() ? Vec3(Vec3::Zero()) : Vec3(sum[i], sum[stride + i], sum[2 * stride + i]);
+}
+
+void MeshModel::gather(Points g, std::span<Vec3> out) const {
+  if (!basis_) return map_->gather(*binding_, g, out);
+  gatherRows(g.size(), g, [](std::size_t k) { return k; }, out);
+}
+
+void MeshModel::gatherRegion(Points g, std::size_t region, std::span<Vec3> out) const {
+  const auto own = volume_.vertices(region);
+  if (basis_) return gatherRows(own.size(), g, [&](std::size_t k) { return std::size_t{own[k]}; }, out);
+  std::vector<Vec3> all(base_.size(), Vec3::Zero());
+  for (std::size_t k = 0; k < own.size(); ++k) all[own[k]] = g[k];
+  map_->gather(*binding_, all, out);
+}
+
+namespace {
+
+/// Cells of a grid of n along the longest side: for each used vertex its cluster, in the order of the cells.
+std::vector<Index> clusterOf(Points x, const std::vector<bool>& used, int n, std::size_t& count) {
+  Box box;
+  for (std::size_t v = 0; v < x.size(); ++v)
+    if (used[v]) box.extend(x[v]);
+  const double cell = std::max(box.sizes().maxCoeff() / n, 1e-300);
+  std::vector<std::pair<std::uint64_t, Index>> keys;
+  for (std::size_t v = 0; v < x.size(); ++v) {
+    if (!used[v]) continue;
+    std::uint64_t key = 0;
+    for (int c = 0; c < 3; ++c)
+      key = key * 4096 + static_cast<std::uint64_t>(std::clamp((x[v][c] - box.min()[c]) / cell, 0.0, static_cast<double>(n - 1)));
+    keys.emplace_back(key, static_cast<Index>(v));
+  }
+  std::sort(keys.begin(), keys.end());
+  std::vector<Index> out(x.size(), kNoIndex);
+  count = 0;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    if (i > 0 && keys[i].first != keys[i - 1].first) ++count;
+    out[keys[i].second] = static_cast<Index>(count);
+  }
+  if (!keys.empty()) ++count;
+  return out;
+}
+
+/// The vertex of each cluster that is nearest to the cluster's mean.
+std::vector<Index> representatives(Points x, const std::vector<Index>& cluster, std::size_t count) {
+  std::vector<Vec3> mean(count, Vec3::Zero());
+  std::vector<double> weight(count, 0), best(count, std::numeric_limits<double>::infinity());
+  std::vector<Index> out(count, kNoIndex);
+  for (std::size_t v = 0; v < x.size(); ++v)
+    if (cluster[v] != kNoIndex) mean[cluster[v]] += x[v], weight[cluster[v]] += 1;
+  for (std::size_t k = 0; k < count; ++k) mean[k] /= weight[k];
+  for (std::size_t v = 0; v < x.size(); ++v) {
+    if (cluster[v] == kNoIndex) continue;
+    const double distance = (x[v] - mean[cluster[v]]).squaredNorm();
+    if (distance < best[cluster[v]]) best[cluster[v]] = distance, out[cluster[v]] = static_cast<Index>(v);
+  }
+  return out;
+}
+
+/// Rows of the basis at some vertices, from the matrix or, three nodes at a time, from combine().
+RowMatrix rowsAt(const map::LinearMap& map, const Surface& surface, const MeshModel& fine, const std::vector<Index>& vertex) {
+  const auto rows = static_cast<Eigen::Index>(vertex.size());
+  RowMatrix out = RowMatrix::Zero(rows, static_cast<Eigen::Index>(fine.nodes()));
+  if (fine.basis()) {
+    for (Eigen::Index r = 0; r < rows; ++r) out.row(r) = fine.basis()->row(static_cast<Eigen::Index>(vertex[static_cast<std::size_t>(r)])).head(out.cols());
+    return out;
+  }
+  std::vector<Vec3> unit(fine.nodes(), Vec3::Zero()), value(surface.base.size());
+  for (std::size_t i = 0; i < fine.nodes(); i += 3) {
+    for (std::size_t c = 0; c < 3 && i + c < fine.nodes(); ++c) unit[i + c] = Vec3::Unit(static_cast<int>(c));
+    map.combine(*surface.binding, unit, value);
+    for (std::size_t c = 0; c < 3 && i + c < fine.nodes(); ++c) {
+      unit[i + c].setZero();
+      for (Eigen::Index r = 0; r < rows; ++r)
+        out(r, static_cast<Eigen::Index>(i + c)) = value[vertex[static_cast<std::size_t>(r)]][static_cast<Eigen::Index>(c)];
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+MeshModel clustered(const map::LinearMap& map, const Surface& surface, const MeshModel& fine, std::size_t vertices, Rims rims) {
+  std::vector<bool> used(surface.base.size(), false);
+  for (const Index v : surface.triangles) used[v] = true;
+  std::vector<Index> cluster;
+  std::size_t count = 0;
+  for (int n = 8; n <= 256 && count < vertices; n += n / 4) cluster = clusterOf(surface.base, used, n, count);
+  const std::vector<Index> vertex = representatives(surface.base, cluster, count);
+  std::vector<Index> triangles, region;
+  for (std::size_t t = 0; t < surface.triangles.size() / 3; ++t) {
+    const Index r = surface.region.empty() ? 0 : surface.region[t];
+    const Index a = cluster[surface.triangles[3 * t]], b = cluster[surface.triangles[3 * t + 1]], c = cluster[surface.triangles[3 * t + 2]];
+    if (r == kNoIndex || a == b || b == c || c == a) continue;
+    triangles.insert(triangles.end(), {a, b, c});
+    region.push_back(r);
+  }
+  // A region may vanish; one triangle twice, once turned, keeps it as one of volume 0.
+  const std::size_t regions = fine.volume().regionCount();
+  std::vector<bool> present(regions, false);
+  for (const Index r : region) present[r] = true;
+  for (std::size_t r = 0; r < regions && count >= 3; ++r)
+    if (!present[r]) triangles.insert(triangles.end(), {0, 1, 2, 0, 2, 1}), region.insert(region.end(), 2, static_cast<Index>(r));
+  std::vector<Vec3> base;
+  for (const Index v : vertex) base.push_back(surface.base[v]);
+  return MeshModel(rowsAt(map, surface, fine, vertex), std::move(base), std::move(triangles), std::move(region), rims);
+}
+
+}  // namespace fielddeform::volume::detail

@@ -1,0 +1,223 @@
+#include <fielddeform/core/error.h>
+#include <fielddeform/core/random.h>
+#include <fielddeform/numeric/sqp.h>
+#include <fielddeform/volume/detail/prepared.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace fielddeform::volume::detail {
+namespace {
+
+constexpr std::size_t kCoarseTriangles = 256;   // of the first grid, at least
+constexpr std::size_t kDirectTriangles = 1500;  // below, a coarse copy saves nothing
+constexpr std::size_t kFormEntries = 16u << 20; // basis entries from which a form is still built
+
+/// One surface with its constraints, by the form where there is one.
+struct Grid {
+  std::optional<MeshModel> own;  ///< made here, not one of the problem's levels
+  const MeshModel* model = nullptr;
+  std::unique_ptr<NodeConstraints> constraints;
+};
+
+class ExactSolve {
+ public:
+  ExactSolve(const Prepared::Impl& impl, Points start, const Options& options, Progress& progress)
+      : impl_(impl), options_(options), progress_(progress), start_(start.begin(), start.end()) {
+    dense_ = 3 * static_cast<Eigen::Index>(impl.free.size()) <= kDenseVariables;
+    form_ = impl.problem.constraints.moments.empty() && impl.rowOf.size() <= kFormNodes;
+  }
+
+  Solved run() {
+    const Grid fine = fineGrid();
+    const bool small = impl_.fine().triangles() <= kDirectTriangles;
+    const bool twoGrid = options_.exact.twoGrid && !(small && (form_ || dense_));
+    if (!twoGrid && canFormFine()) {
+      Grid form = formOf(impl_.levels.size() - 1);
+      const Core core = impl_.core(start_);
+      Eigen::VectorXd x = firstSolve(*form.constraints, *form.constraints, tolerance(1), impl_.levels.size() - 1, {});
+      finish(core, std::move(x));
+      return std::move(solved_);
+    }
+    std::optional<Grid> coarse;
+    Eigen::VectorXd x;
+    if (twoGrid) {
+      coarse = coarseGrid();
+      // Where the coarse copy is a caricature (thin parts merged), the first solve is left out.
+      x = faithful_ ? firstSolve(*coarse->constraints, *coarse->constraints, tolerance(1e4), coarseLevel_, coarseTargets_) : impl_.core(start_).variablesOf(start_);
+    } else {
+      x = impl_.core(start_).variablesOf(start_);
+    }
+    if (!twoGrid || !faithful_) {
+      NodeConstraints& curvature = twoGrid ? *coarse->constraints : *fine.constraints;
+      x = firstSolve(*fine.constraints, curvature, tolerance(1), impl_.levels.size() - 1, {});
+    }
+    const Core core = impl_.core(start_);
+    auto polish = [&](NodeConstraints& values, NodeConstraints& curvature) {
+      return minimize(core, values, curvature, x, tolerance(1), impl_.levels.size() - 1);
+    };
+    numeric::SqpReport report = polish(*fine.constraints, twoGrid ? *coarse->constraints : *fine.constraints);
+    if (!report.converged && twoGrid) {  // second derivatives of the coarse copy were not good enough
+      if (canFormFine()) {
+        Grid form = formOf(impl_.levels.size() - 1);
+        report = polish(*form.constraints, *form.constraints);
+      } else {
+        report = polish(*fine.constraints, *fine.constraints);
+      }
+    }
+    note(report);
+    solved_.fineEvaluations = fine.constraints->evaluations;
+    finish(core, std::move(x));
+    return std::move(solved_);
+  }
+
+ private:
+  numeric::SqpOptions tolerance(double factor) const {
+    numeric::SqpOptions out;
+    out.maxIterations = options_.exact.maxIterations;
+    out.gradient = factor * options_.exact.gradient;
+    out.constraint = std::min(1e-6, factor * options_.exact.deviation);
+    out.maxSaddles = options_.exact.maxSaddles;
+    // Lengths are norms over all variables: more nodes, longer vectors for the same move of each.
+    const double growth = dense_ ? 1 : std::sqrt(std::max(1.0, static_cast<double>(impl_.free.size()) / 27));
+    out.radius *= growth, out.saddleStep *= growth;
+    return out;
+  }
+
+  bool canFormFine() const {
+    return form_ && impl_.fine().basis() && impl_.fine().base().size() * impl_.rowOf.size() <= kFormEntries;
+  }
+  Grid fineGrid() const {
+    Grid g;
+    g.model = &impl_.fine();
+    g.constraints = std::make_unique<MeshConstraints>(*g.model, impl_.targets(impl_.levels.size() - 1), impl_.problem.constraints.moments, impl_.extent);
+    return g;
+  }
+  Grid formOf(std::size_t level) const {
+    Grid g;
+    g.model = &impl_.levels[level];
+    g.constraints = std::make_unique<FormConstraints>(FormConstraints::ofMesh(*g.model, impl_.problem.map->restNodes(), impl_.targets(level)));
+    return g;
+  }
+
+  /// The problem's first level of enough triangles, else the surface with its vertices merged.
+  Grid coarseGrid() {
+    Grid g;
+    const std::size_t coarser = impl_.levels.size() - 1;
+    for (std::size_t l = 0; l < coarser && !g.model; ++l)
+      if (impl_.levels[l].basis() && impl_.levels[l].triangles() >= kCoarseTriangles && 2 * impl_.levels[l].triangles() < impl_.fine().triangles())
+        g.model = &impl_.levels[l], coarseLevel_ = l;
+    std::vector<double> base;
+    if (g.model) {
+      base = impl_.baseVolume[coarseLevel_];
+    } else {
+      const std::size_t vertices = std::clamp<std::size_t>(4 * impl_.rowOf.size(), 200, 2000);
+      g.own.emplace(clustered(*impl_.problem.map, impl_.problem.surface, impl_.fine(), vertices, impl_.problem.rims));
+      g.model = &*g.own;
+      coarseLevel_ = impl_.levels.size() - 1;
+      base = g.model->volume().values(g.model->base());
+    }
+    coarseTargets_ = impl_.targets(impl_.levels.size() - 1);
+    const bool open = impl_.problem.rims == Rims::Fixed;
+    for (VolumeTarget& t : coarseTargets_) {
+      const double fine = impl_.baseVolume.back()[t.region], share = base[t.region] / fine;
+      if (!open && !(share > 0.7 && share < 1.4)) {
+        faithful_ = false;
+        continue;  // its curvature is used with the fine scale
+      }
+      t.target = open ? base[t.region] + (t.target - fine) : t.target * share;
+      if (!open) t.scale *= share;
+    }
+    if (!impl_.problem.constraints.moments.empty()) faithful_ = faithful_ && !g.own;
+    if (form_) g.constraints = std::make_unique<FormConstraints>(FormConstraints::ofMesh(*g.model, impl_.problem.map->restNodes(), coarseTargets_));
+    else g.constraints = std::make_unique<MeshConstraints>(*g.model, coarseTargets_, impl_.problem.constraints.moments, impl_.extent);
+    return g;
+  }
+
+  numeric::SqpReport minimize(const Core& core, NodeConstraints& values, NodeConstraints& curvature, Eigen::VectorXd& x,
+                              const numeric::SqpOptions& options, std::size_t level) {
+    Reduced reduced(core, values, curvature, LinearMode::AsConstraints);
+    int step = 0;
+    std::vector<Vec3> d;
+    const numeric::SqpStep each = [&](const Eigen::VectorXd& at, double f, const Eigen::VectorXd& c) {
+      progress_.throwIfCancelled();
+      if (!options_.onStep) return;
+      core.displacements(at, d);
+      const Eigen::Index volumes = std::min<Eigen::Index>(values.count(), c.size());
+      options_.onStep({level, ++step, d, f * core.energyUnit, volumes ? c.head(volumes).cwiseAbs().maxCoeff() : 0});
+    };
+    return dense_ ? numeric::sqp(reduced, x, options, each) : numeric::sparseSqp(reduced, x, options, each);
+  }
+
+  /// From the start, or from jittered ones, in parts of the load: the least energy among those that converged.
+  Eigen::VectorXd firstSolve(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level,
+                             const std::vector<VolumeTarget>& fullTargets) {
+    const Core core = impl_.core(start_);
+    Eigen::VectorXd best;
+    double bestEnergy = 0;
+    numeric::SqpReport bestReport;
+    for (int s = 0; s < options_.exact.starts; ++s) {
+      Eigen::VectorXd x = options_.exact.loadSteps > 1 && s == 0 ? loaded(values, curvature, options, level, fullTargets) : core.variablesOf(start_);
+      if (s > 0) {
+        const double width = options_.exact.jitter * impl_.extent / impl_.size;
+        for (Eigen::Index k = 0; k < x.size(); ++k)
+          x[k] += width * (2 * uniform01(options_.exact.seed + static_cast<std::uint64_t>(s), static_cast<std::uint64_t>(k)) - 1);
+      }
+      core.meetLinear(x);
+      const numeric::SqpReport report = minimize(core, values, curvature, x, options, level);
+      solved_.iterations += report.iterations, solved_.saddles += report.saddles;
+      const bool met = report.constraint <= 1e-6;
+      solved_.starts.push_back({report.value * impl_.energyUnit, report.iterations, report.saddles,
+                                report.converged ? Outcome::Converged : met ? Outcome::Limited : Outcome::Unmet});
+      const bool better = best.size() == 0 || (met && bestReport.constraint > 1e-6) || (met && report.value < bestEnergy);
+      if (better) best = x, bestEnergy = report.value, bestReport = report;
+    }
+    solved_.converged = bestReport.converged;
+    solved_.optimality = bestReport.gradient;
+    if (bestReport.saddle) solved_.message = "a direction of descent is left: more saddles than the bound";
+    return best;
+  }
+
+  /// The pinned nodes and targets are applied in parts, each solved from the one before.
+  Eigen::VectorXd loaded(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level,
+                         const std::vector<VolumeTarget>&) {
+    Eigen::VectorXd x;
+    const int parts = options_.exact.loadSteps;
+    for (int k = 1; k < parts; ++k) {
+      const double load = static_cast<double>(k) / parts;
+      std::vector<Vec3> part(start_);
+      for (Vec3& d : part) d *= load;
+      const Core core = impl_.core(part, load);
+      if (k == 1) x = core.variablesOf(part);
+      core.meetLinear(x);
+      const numeric::SqpReport report = minimize(core, values, curvature, x, options, level);
+      solved_.iterations += report.iterations, solved_.saddles += report.saddles;
+    }
+    return x;
+  }
+
+  void note(const numeric::SqpReport& report) {
+    solved_.converged = report.converged;
+    solved_.optimality = report.gradient;
+    solved_.iterations += report.iterations, solved_.saddles += report.saddles;
+  }
+  void finish(const Core&, Eigen::VectorXd x) { solved_.x = std::move(x); }
+
+  const Prepared::Impl& impl_;
+  const Options& options_;
+  Progress& progress_;
+  std::vector<Vec3> start_;
+  bool dense_ = true, form_ = true, faithful_ = true;
+  std::size_t coarseLevel_ = 0;
+  std::vector<VolumeTarget> coarseTargets_;
+  Solved solved_;
+};
+
+}  // namespace
+
+Solved solveExact(const Prepared::Impl& impl, Points start, const Options& options, Progress& progress) {
+  return ExactSolve(impl, start, options, progress).run();
+}
+
+}  // namespace fielddeform::volume::detail
