@@ -17,6 +17,7 @@ struct LatticeOptions {
   std::string moved, save;
   bool fit = false;
   scene::LatticeRule rule;
+  std::vector<CLI::Option*> ofRule, ofFiles;  // the options that say nothing without --nodes, without --lattice
 };
 
 constexpr double kMostNodes = 65536;  // on one axis
@@ -61,14 +62,13 @@ void addMoves(scene::LatticeRule& rule, const std::vector<std::string>& texts) {
   }
 }
 
-void addFiles(CLI::App& command, LatticeOptions& o, CLI::Option* nodes) {
+void addFiles(CLI::App& command, LatticeOptions& o) {
   const char* group = "Lattice from files";
-  auto* files = command.add_option("--lattice", o.files, "Lattice (JSON or OBJ); several are applied one after the other")
-                    ->type_name("FILE")->allow_extra_args(false)->excludes(nodes)->group(group);
-  command.add_flag("--fit", o.fit, "Carry the lattice over to the box of each mesh, with its displacements")
-      ->needs(files)->group(group);
-  command.add_option("--moved", o.moved, "The lattice's nodes as a modeller wrote them (OBJ), after one --lattice")
-      ->type_name("OBJ")->needs(files)->group(group);
+  command.add_option("--lattice", o.files, "Lattice (JSON or OBJ); several are applied one after the other")
+      ->type_name("FILE")->allow_extra_args(false)->group(group);
+  o.ofFiles = {command.add_flag("--fit", o.fit, "Carry the lattice over to the box of each mesh, with its displacements")->group(group),
+               command.add_option("--moved", o.moved, "The nodes of the one --lattice as a modeller wrote them")
+                   ->type_name("OBJ")->group(group)};
 }
 
 CLI::Option* addRule(CLI::App& command, LatticeOptions& o) {
@@ -77,7 +77,7 @@ CLI::Option* addRule(CLI::App& command, LatticeOptions& o) {
   auto* nodes = command.add_option_function<std::string>(
       "--nodes", [&rule](const std::string& text) { setNodes(rule, text); }, "Nodes on each axis, at least 2");
   nodes->type_name("NX,NY,NZ")->group(group);
-  const auto own = [&](CLI::Option* option) { option->needs(nodes)->group(group); };
+  const auto own = [&](CLI::Option* option) { o.ofRule.push_back(option->group(group)); };
   own(command.add_option_function<std::vector<std::string>>(
                  "--move", [&rule](const std::vector<std::string>& texts) { addMoves(rule, texts); },
                  "Move a node, counted from 0 along the box's edges; may be repeated")
@@ -100,6 +100,9 @@ CLI::Option* addRule(CLI::App& command, LatticeOptions& o) {
 
 void finish(LatticeOptions& o, bool byRule) {
   scene::Scene& scene = o.batch.scene;
+  for (const CLI::Option* option : byRule ? o.ofFiles : o.ofRule)
+    if (option->count() > 0)
+      throw CLI::ValidationError(fmt::format("{}: expected only with {}", option->get_name(), byRule ? "--lattice" : "--nodes"));
   if (byRule == !o.files.empty()) throw CLI::ValidationError("expected either --nodes or --lattice");
   if (!o.moved.empty() && o.files.size() != 1) throw CLI::ValidationError("--moved: expected one --lattice");
   if (!o.save.empty() && o.batch.meshes.size() != 1) throw CLI::ValidationError("--save-lattice: expected one mesh");
@@ -123,7 +126,7 @@ void addLattice(CLI::App& app, Session& session) {
   const auto options = optionsOf<LatticeOptions>();
   auto* command = app.add_subcommand("lattice", "Deform meshes by a lattice of nodes around them");
   CLI::Option* nodes = addRule(*command, *options);
-  addFiles(*command, *options, nodes);
+  addFiles(*command, *options);
   command->add_option("--save-lattice", options->save, "Write the lattice, to be moved in a modeller (.obj) or used again")
       ->type_name("FILE")->group("Output");
   addBatchOptions(*command, session, options->batch, true, Method::Lattice);
