@@ -132,7 +132,8 @@ std::string shortText(const scene::Report& r) {
 
 }  // namespace
 
-int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene, Terminal& terminal) {
+int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene, Terminal& terminal,
+             const std::function<void(const scene::RunResult&)>& done) {
   const std::vector<Job> jobs = jobsOf(scene);
   if (saveScene && jobs.size() > 1)
     throw std::runtime_error("--save-scene: choices differ from mesh to mesh, give one mesh at a time");
@@ -148,6 +149,7 @@ int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene
       const scene::RunResult result = scene::run(one, {.saveScene = saveScene}, terminal);
       for (const std::string& warning : result.report.warnings)
         terminal.note(fmt::format("fielddeform: {}: {}", job.input.string(), warning));
+      if (done) done(result);
       if (jobs.size() == 1) printResult(job, result, terminal);
       for (const std::string& sentence : result.broken)
         terminal.error(fmt::format("{}: check failed: {}", job.input.string(), sentence));
@@ -217,7 +219,7 @@ int runBatch(BatchOptions& options, Terminal& terminal) {
   }
   std::optional<fs::path> save;
   if (!options.saveScene.empty()) save = options.saveScene;
-  return runScene(scene, save, terminal);
+  return runScene(scene, save, terminal, options.done);
 }
 
 }  // namespace fielddeform::cli

@@ -53,7 +53,7 @@ void addTracking(CLI::App& command, gffd::Options& tracking) {
                             "Do not try more substeps when the surface folded")->group(group);
 }
 
-void addResampling(CLI::App& command, BatchOptions& options) {
+void addResampling(CLI::App& command, BatchOptions& options, Method method) {
   const char* group = "Resampling";
   resample::Options& r = options.resampleOptions;
   const auto on = [&options] { options.resample = true; };
@@ -70,6 +70,7 @@ void addResampling(CLI::App& command, BatchOptions& options) {
   command.add_option_function<std::uint32_t>("--max-vertices", [&r, on](const std::uint32_t& n) { r.maxVertices = n; on(); },
                                              "Stop inserting at this many vertices")
       ->type_name("N")->check(within(0, 4294967295.0))->group(group);
+  if (method != Method::Skeleton) return;
   addWord(command, "--resample-like", {"paper"},
           [&r, &options, on](std::size_t) {
             r.by = resample::Criterion::Stretch;
@@ -114,14 +115,15 @@ void addVolume(CLI::App& command, BatchOptions& options) {
           "How it is solved (default: exact; augmented-lagrangian is the paper's, over levels of detail)")->group(group);
 }
 
-void addEditing(CLI::App& command, BatchOptions& options) {
+void addEditing(CLI::App& command, BatchOptions& options, Method method) {
   const char* group = "Editing";
   command.add_option("--mask", options.mask,
                      "Scale each vertex's displacement: a vertex attribute, or a file of one number a vertex")
       ->type_name("NAME|FILE")->group(group);
-  addWord(command, "--symmetry", {"x", "y", "z"},
-          [&options](std::size_t i) { options.scene.symmetry = static_cast<scene::Axis>(i); },
-          "Do the same on the other side of the mesh's middle")->group(group);
+  if (method == Method::Skeleton)
+    addWord(command, "--symmetry", {"x", "y", "z"},
+            [&options](std::size_t i) { options.scene.symmetry = static_cast<scene::Axis>(i); },
+            "Do the same on the other side of the mesh's middle")->group(group);
   command.add_flag_callback("--skip-invalid",
                             [&options] { options.scene.read.invalid = mesh::InvalidPoints::Keep; },
                             "Leave vertices with coordinates that are not finite as they are, instead of refusing the file")
@@ -153,7 +155,7 @@ void addOutput(CLI::App& command, BatchOptions& options) {
       ->type_name("FILE")->group(group);
 }
 
-void addCheck(CLI::App& command, BatchOptions& options) {
+void addCheck(CLI::App& command, BatchOptions& options, Method method) {
   const char* group = "Check";
   scene::Check& check = options.checkOptions;
   const auto on = [&options] { options.check = true; };
@@ -164,6 +166,7 @@ void addCheck(CLI::App& command, BatchOptions& options) {
   command.add_option_function<std::size_t>("--allow-flipped", [&check, on](const std::size_t& n) { check.flipped = n; on(); },
                                            "As --check, with up to N flipped faces")
       ->type_name("N")->check(within(0, 1e15))->group(group);
+  if (method != Method::Skeleton) return;
   command.add_option_function<double>("--allow-residual", [&check, on](const double& x) { check.residual = x; on(); },
                                       "As --check, also of the greatest residual, in radii")
       ->type_name("NUMBER")->check(within(0.0, 1e6))->group(group);
@@ -182,14 +185,14 @@ void addFiles(CLI::App& command, BatchOptions& options, bool severalMeshes) {
 
 }  // namespace
 
-void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes) {
+void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes, Method method) {
   addFiles(command, options, severalMeshes);
-  addEditing(command, options);
-  addTracking(command, options.scene.tracking);
-  addResampling(command, options);
+  addEditing(command, options, method);
+  if (method == Method::Skeleton) addTracking(command, options.scene.tracking);
+  addResampling(command, options, method);
   addVolume(command, options);
   addOutput(command, options);
-  addCheck(command, options);
+  addCheck(command, options, method);
   addThreads(command, session);
 }
 

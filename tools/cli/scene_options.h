@@ -19,10 +19,15 @@ struct BatchOptions {
   std::string volumeMask;             ///< a word, an attribute or a file
   scene::Check checkOptions;
   std::optional<double> allowResidual;
+  std::function<void(const scene::RunResult&)> done;  ///< called after each mesh; may be empty
 };
 
-/// MESH..., -o, and all groups below.
-void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes);
+/// What deforms: methods have options that others have not.
+enum class Method : std::uint8_t { Skeleton, Lattice };
+
+/// MESH..., -o, and all groups below that the method has.
+void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes,
+                     Method method = Method::Skeleton);
 
 /// What the options say only together, after all are parsed: names of files whose extension is of no use, and several
 /// meshes where one is needed. @throw CLI::ValidationError
@@ -33,7 +38,8 @@ void requireUsable(const BatchOptions& options);
 /// @return kDone; kFailed if any failed; else kCheckFailed if any check was broken
 int runBatch(BatchOptions& options, Terminal& terminal);
 
-/// Runs a scene (from a file) on all its inputs.
-int runScene(const scene::Scene& scene, const std::optional<std::filesystem::path>& saveScene, Terminal& terminal);
+/// Runs a scene (from a file) on all its inputs. @param done called after each; may be empty
+int runScene(const scene::Scene& scene, const std::optional<std::filesystem::path>& saveScene, Terminal& terminal,
+             const std::function<void(const scene::RunResult&)>& done = {});
 
 }  // namespace fielddeform::cli
