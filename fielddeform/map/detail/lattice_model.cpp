@@ -51,7 +51,7 @@ PointKind LatticeModel::locate(const Vec3& x, Vec3& t, Cell& cell) const {
   for (int a = 0; a < 3; ++a) {
     t[a] = c[a];
     const AxisBasis& axis = lattice_.axis[a];
-    if (!axis.pieces().empty()) {
+    if (!axis.pieces().empty() || axis.support() < axis.nodes()) {
       const AxisBasis::Place place = axis.locate(c[a]);
       if (pieces_) t[a] = place.t;
       cell.piece[a] = static_cast<std::uint16_t>(place.piece);  // of use only if they are few
