@@ -1,10 +1,10 @@
-#include <fielddeform/core/error.h>
 #include <fielddeform/core/random.h>
 #include <fielddeform/numeric/sqp.h>
 #include <fielddeform/volume/detail/prepared.h>
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 
 namespace fielddeform::volume::detail {
@@ -16,7 +16,7 @@ constexpr std::size_t kFormEntries = 16u << 20; // basis entries from which a fo
 
 /// One surface with its constraints, by the form where there is one.
 struct Grid {
-  std::optional<MeshModel> own;  ///< made here, not one of the problem's levels
+  std::unique_ptr<MeshModel> own;  ///< made here, not one of the problem's levels
   const MeshModel* model = nullptr;
   std::unique_ptr<NodeConstraints> constraints;
 };
@@ -35,9 +35,8 @@ class ExactSolve {
     const bool twoGrid = options_.exact.twoGrid && !(small && (form_ || dense_));
     if (!twoGrid && canFormFine()) {
       Grid form = formOf(impl_.levels.size() - 1);
-      const Core core = impl_.core(start_);
-      Eigen::VectorXd x = firstSolve(*form.constraints, *form.constraints, tolerance(1), impl_.levels.size() - 1, {});
-      finish(core, std::move(x));
+      Eigen::VectorXd x = firstSolve(*form.constraints, *form.constraints, tolerance(1), impl_.levels.size() - 1);
+      solved_.x = std::move(x);
       return std::move(solved_);
     }
     std::optional<Grid> coarse;
@@ -45,13 +44,13 @@ class ExactSolve {
     if (twoGrid) {
       coarse = coarseGrid();
       // Where the coarse copy is a caricature (thin parts merged), the first solve is left out.
-      x = faithful_ ? firstSolve(*coarse->constraints, *coarse->constraints, tolerance(1e4), coarseLevel_, coarseTargets_) : impl_.core(start_).variablesOf(start_);
+      x = faithful_ ? firstSolve(*coarse->constraints, *coarse->constraints, tolerance(1e4), coarseLevel_) : impl_.core(start_).variablesOf(start_);
     } else {
       x = impl_.core(start_).variablesOf(start_);
     }
     if (!twoGrid || !faithful_) {
       NodeConstraints& curvature = twoGrid ? *coarse->constraints : *fine.constraints;
-      x = firstSolve(*fine.constraints, curvature, tolerance(1), impl_.levels.size() - 1, {});
+      x = firstSolve(*fine.constraints, curvature, tolerance(1), impl_.levels.size() - 1);
     }
     const Core core = impl_.core(start_);
     auto polish = [&](NodeConstraints& values, NodeConstraints& curvature) {
@@ -68,7 +67,7 @@ class ExactSolve {
     }
     note(report);
     solved_.fineEvaluations = fine.constraints->evaluations;
-    finish(core, std::move(x));
+    solved_.x = std::move(x);
     return std::move(solved_);
   }
 
@@ -113,8 +112,8 @@ class ExactSolve {
       base = impl_.baseVolume[coarseLevel_];
     } else {
       const std::size_t vertices = std::clamp<std::size_t>(4 * impl_.rowOf.size(), 200, 2000);
-      g.own.emplace(clustered(*impl_.problem.map, impl_.problem.surface, impl_.fine(), vertices, impl_.problem.rims));
-      g.model = &*g.own;
+      g.own = std::make_unique<MeshModel>(clustered(*impl_.problem.map, impl_.problem.surface, impl_.fine(), vertices, impl_.problem.rims));
+      g.model = g.own.get();
       coarseLevel_ = impl_.levels.size() - 1;
       base = g.model->volume().values(g.model->base());
     }
@@ -151,14 +150,13 @@ class ExactSolve {
   }
 
   /// From the start, or from jittered ones, in parts of the load: the least energy among those that converged.
-  Eigen::VectorXd firstSolve(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level,
-                             const std::vector<VolumeTarget>& fullTargets) {
+  Eigen::VectorXd firstSolve(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level) {
     const Core core = impl_.core(start_);
     Eigen::VectorXd best;
     double bestEnergy = 0;
     numeric::SqpReport bestReport;
     for (int s = 0; s < options_.exact.starts; ++s) {
-      Eigen::VectorXd x = options_.exact.loadSteps > 1 && s == 0 ? loaded(values, curvature, options, level, fullTargets) : core.variablesOf(start_);
+      Eigen::VectorXd x = options_.exact.loadSteps > 1 && s == 0 ? loaded(values, curvature, options, level) : core.variablesOf(start_);
       if (s > 0) {
         const double width = options_.exact.jitter * impl_.extent / impl_.size;
         for (Eigen::Index k = 0; k < x.size(); ++k)
@@ -180,8 +178,7 @@ class ExactSolve {
   }
 
   /// The pinned nodes and targets are applied in parts, each solved from the one before.
-  Eigen::VectorXd loaded(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level,
-                         const std::vector<VolumeTarget>&) {
+  Eigen::VectorXd loaded(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level) {
     Eigen::VectorXd x;
     const int parts = options_.exact.loadSteps;
     for (int k = 1; k < parts; ++k) {
@@ -202,7 +199,6 @@ class ExactSolve {
     solved_.optimality = report.gradient;
     solved_.iterations += report.iterations, solved_.saddles += report.saddles;
   }
-  void finish(const Core&, Eigen::VectorXd x) { solved_.x = std::move(x); }
 
   const Prepared::Impl& impl_;
   const Options& options_;
