@@ -74,7 +74,9 @@ std::string toJson(const Report& report) {
   json.beginObject();
   json.member("format", "fielddeform-report").member("version", kVersion);
   json.key("options").raw(nested(report.options));
-  json.key("predictor").beginObject().member("used", report.predictor).member("reason", report.predictorReason).end();
+  json.member("method", report.method).key("predictor");
+  if (report.predictor.empty()) json.null();
+  else json.beginObject().member("used", report.predictor).member("reason", report.predictorReason).end();
   json.member("vertices", report.vertices).member("faces", report.faces);
   json.key("status").beginObject(JsonLayout::Inline);
   for (std::size_t s = 0; s < kStatusCount; ++s) json.member(toString(static_cast<Status>(s)), report.status[s]);

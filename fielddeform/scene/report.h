@@ -39,13 +39,14 @@ struct RunFacts {
 /// What a run did. docs/report.md explains every entry.
 struct Report {
   std::string options;                ///< JSON object: the scene that was run, every choice resolved, without paths
-  std::string predictor;              ///< the tracker's word
+  std::string method = "gffd";        ///< "gffd", "lattice"
+  std::string predictor;              ///< the tracker's word; empty for methods that have none
   std::string predictorReason;        ///< why it was chosen
   std::size_t vertices = 0;           ///< of the output
   std::size_t faces = 0;              ///< of the output
   StatusCounts status{};              ///< adds up to vertices
   MaxAndP99 residual;                 ///< world units
-  double referenceRadius = 0;         ///< R, world units
+  double referenceRadius = 0;         ///< R, world units; 0 for methods without a field
   double tolerance = 0;               ///< world units
   std::size_t foldsBefore = 0;        ///< folded edges of the input by itself (cosine of its normals below -0.3)
   std::size_t foldsAfter = 0;         ///< edges that the deformation folded

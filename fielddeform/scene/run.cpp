@@ -2,13 +2,10 @@
 #include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
-#include <fielddeform/gffd/deform.h>
 #include <fielddeform/mesh/measures.h>
 #include <fielddeform/mesh/quality.h>
-#include <fielddeform/resample/refine.h>
-#include <fielddeform/scene/detail/output.h>
+#include <fielddeform/scene/detail/method.h>
 #include <fielddeform/scene/detail/scene_json.h>
-#include <fielddeform/scene/detail/skeletons.h>
 #include <fielddeform/scene/mask.h>
 #include <fielddeform/scene/run.h>
 #include <fmt/format.h>
@@ -30,39 +27,26 @@ double peakMemoryMb() {
   return static_cast<double>(usage.ru_maxrss) * 1024e-6;
 }
 
-// The fold guard as a step of the resampler.
-void guardRefined(const gffd::GffdMap& map, const mesh::Mesh& rest, const map::MapOutput& state) {
-  const gffd::GuardReport report = gffd::guard(rest, state.safe, state.position, state.status);
-  std::vector<Vec3> points(report.limited.size()), moved(points.size());
-  std::vector<Index> order(points.size());
-  for (Index k = 0; k < points.size(); ++k) {
-    points[k] = rest.positions()[report.limited[k]];
-    moved[k] = state.position[report.limited[k]];
-    order[k] = k;
-  }
-  std::vector<float> residual(points.size());
-  map.residuals(*map.bind(points), order, moved, residual);
-  for (std::size_t k = 0; k < points.size(); ++k) state.residual[report.limited[k]] = residual[k];
-}
-
 class Runner {
  public:
   Runner(const Scene& scene, const RunOptions& options, Progress& progress)
-      : scene_(scene), options_(options), progress_(progress), input_(scene.inputs.at(options.input)) {}
+      : scene_(scene), options_(options), progress_(progress), input_(scene.inputs.at(options.input)),
+        method_(detail::makeMethod(scene)) {}
 
   RunResult run() {
     requireFolders();
     stage("read", [&] { read(); });
-    stage("skeleton", [&] { skeletons_ = detail::prepareSkeletons(scene_, mesh_); });
-    stage("bind", [&] { bind(); });
-    stage("track", [&] { track(); });
+    stage(method_->preparation(), [&] { method_->prepare(mesh_); });
+    stage("bind", [&] { method_->bind(mesh_); });
+    stage("track", [&] { posed_ = method_->track(mesh_, result_.report.warnings, progress_); });
     if (scene_.resample) stage("resample", [&] { resample(); });
     if (!mask_.empty()) applyMask(mask_, mesh_.positions(), posed_.position, posed_.status, posed_.residual);
     stage("report", [&] { measure(); });
+    result_.radiusWasAutomatic = method_->radiusWasAutomatic();
     resolveScene();
     if (scene_.output.picture)
       stage("picture", [&] {
-        picture_ = detail::drawBeforeAfter(mesh_, posed_.position, map_->resolved().skeletons, progress_);
+        picture_ = detail::drawBeforeAfter(mesh_, posed_.position, method_->overlay(), progress_);
       });
     stage("write", [&] { write(); });
     gatherFacts();
@@ -120,41 +104,6 @@ class Runner {
                                         farthest, size));
   }
 
-  void bind() {
-    const gffd::ResolvedOptions resolved = gffd::resolve(scene_.tracking, mesh_, skeletons_.pair, &binding_);
-    result_.radiusWasAutomatic = skeletons_.radiusWasAutomatic || resolved.radiusWasAutomatic;
-    map_.emplace(resolved);
-    if (!binding_) binding_ = map_->bind(mesh_.positions());
-  }
-
-  void track() {
-    gffd::Deformed deformed = gffd::deform(mesh_, *map_, *binding_, progress_);
-    map_ = std::move(deformed.map);
-    posed_ = {std::move(deformed.position), std::move(deformed.status), std::move(deformed.residual)};
-    if (!deformed.retry.empty()) warn(deformed.retry);
-    if (const std::size_t pierced = map_->countPierced(*binding_); pierced > 0)
-      warn(fmt::format("{} vertices outside the skeleton's influence stay where they are, and the skeleton was moved "
-                       "to them", pierced));
-    if (map_->countMovable(*binding_) == 0)
-      warn(unpaired().value_or("no vertex is within the skeleton's influence: nothing was deformed; is the skeleton on the "
-                               "mesh?"));
-    binding_.reset();
-  }
-
-  // Why a vertex follows nothing, if it is that no primitive at rest has a posed partner.
-  std::optional<std::string> unpaired() const {
-    const skeleton::SkeletonPair& pair = skeletons_.pair;
-    const std::string *removed = nullptr, *added = nullptr;
-    for (const auto& p : pair.pairs) {
-      if (p.rest != kNoIndex && p.posed != kNoIndex) return std::nullopt;
-      if (p.rest != kNoIndex && !removed) removed = &pair.rest.primitives[p.rest].name;
-      if (p.posed != kNoIndex && !added) added = &pair.posed.primitives[p.posed].name;
-    }
-    if (!removed || !added) return std::nullopt;
-    return fmt::format("nothing was deformed: no primitive is in both skeletons, '{0}' is removed and '{1}' added; use "
-                       "--pair {0}={1} to replace one by the other", *removed, *added);
-  }
-
   void resample() {
     const std::size_t before = mesh_.vertexCount();
     // The mask rides along as an attribute, so that inserted vertices get theirs.
@@ -166,9 +115,7 @@ class Runner {
     }
     posed_ = {};
     foldsOfInput_ = mesh::countSharpEdges(mesh_, mesh_.positions());
-    resample::Refined refined = refine();
-    if (map_->resolved().predictorWasAutomatic && map_->resolved().options.predictor == gffd::Predictor::Axial)
-      retryWithMls(refined);
+    resample::Refined refined = method_->refine(mesh_, *scene_.resample, result_.report.warnings, progress_);
     mesh_ = std::move(refined.rest);
     posed_ = {std::move(refined.posed), std::move(refined.status), std::move(refined.residual)};
     result_.report.insertedVertices = mesh_.vertexCount() - before;
@@ -176,31 +123,6 @@ class Runner {
     if (mask_.empty()) return;
     mask_ = std::get<std::vector<double>>(mesh_.find(mesh::Element::Vertex, kMaskName)->data);
     std::erase_if(mesh_.attributes(), [](const mesh::Attribute& a) { return a.name == kMaskName; });
-  }
-
-  resample::Refined refine() {
-    resample::Options options = *scene_.resample;
-    const gffd::Options& tracking = map_->resolved().options;
-    if (tracking.guard && tracking.corrector && !map_->isIdentity())
-      options.meshStep = [this](const mesh::Mesh& rest, const map::MapOutput& state) { guardRefined(*map_, rest, state); };
-    return resample::refine(mesh_, *map_, options, progress_);
-  }
-
-  // Between the vertices that "auto" looked at, the closest frame may jump: inserted vertices bring that to light.
-  void retryWithMls(resample::Refined& refined) {
-    const auto folds = [](const resample::Refined& r) { return mesh::countFolds(r.rest, r.rest.positions(), r.posed); };
-    const std::size_t before = folds(refined);
-    if (before == 0 && refined.report.reason == resample::StopReason::Done) return;
-    const gffd::GffdMap axial = *map_;
-    map_ = axial.withPredictor(gffd::Predictor::Mls);
-    resample::Refined second = refine();
-    const std::size_t after = folds(second);
-    if (after > before || (after == before && second.report.remaining >= refined.report.remaining)) {
-      map_ = axial;
-      return;
-    }
-    refined = std::move(second);
-    warn(fmt::format("inserted vertices showed {} folded edges of axial, mls has {} and was taken", before, after));
   }
 
   void measure() {
@@ -218,11 +140,7 @@ class Runner {
     if (const std::size_t stalled = r.status[static_cast<std::size_t>(Status::Stalled)]; stalled == r.vertices && stalled > 0)
       warn("no vertex could be brought back to its field value: all are stalled");
     measureVolume(r.volume);
-    const gffd::ResolvedOptions& resolved = map_->resolved();
-    r.predictor = gffd::toString(resolved.options.predictor);
-    r.predictorReason = resolved.predictorReason;
-    r.referenceRadius = resolved.referenceRadius;
-    r.tolerance = resolved.options.tolerance * resolved.referenceRadius;
+    method_->describe(r);
     check();
   }
 
@@ -254,16 +172,12 @@ class Runner {
     Scene& s = result_.resolved;
     s = scene_;
     s.inputs = {input_};
-    s.edits = skeletons_.edits;
-    s.tracking = map_->resolved().options;
-    s.tracking.retry = false;
-    s.tracking.radius.reset();
+    method_->resolve(s);
     JsonWriter options;
     options.beginObject();
     detail::writeSceneBody(options, s, nullptr);
     options.end();
     result_.report.options = options.text();
-    detail::storeSkeletons(skeletons_, map_->resolved().skeletons, s);
   }
 
   void write() {
@@ -282,15 +196,9 @@ class Runner {
     const int last = output.frames - 1;
     const auto file = [&](int k) { return detail::framePath(output.mesh, k, output.frames); };
     mesh::writeMesh(mesh_, file(0), {.precision = output.precision, .format = {}}, &progress_);
-    const auto binding = map_->bind(mesh_.positions());
     for (int k = 1; k < last; ++k) {
       progress_.throwIfCancelled();
-      const double t = static_cast<double>(k) / last;
-      const gffd::GffdMap map =
-          map_->withPose(detail::poseAt(skeletons_, scene_, mesh_, map_->resolved().skeletons, t));
-      // As the result was tracked: a retry of its own could choose otherwise.
-      gffd::Deformed d = gffd::deformOnce(mesh_, map, *binding, progress_);
-      Posed posed{std::move(d.position), std::move(d.status), std::move(d.residual)};
+      Posed posed = method_->poseAt(mesh_, static_cast<double>(k) / last, progress_);
       if (!mask_.empty()) applyMask(mask_, mesh_.positions(), posed.position, posed.status, posed.residual);
       mesh::Mesh frame = mesh_;
       detail::writeOutput(frame, std::move(posed), output, file(k), progress_);
@@ -312,13 +220,11 @@ class Runner {
   const RunOptions& options_;
   Progress& progress_;
   fs::path input_;
+  std::unique_ptr<detail::Method> method_;
   RunResult result_;
   std::optional<AtomicFile> report_;  // reserved at the start
   mesh::Mesh mesh_;                   // at rest; refined by resample()
   std::vector<double> mask_;          // #V or empty
-  detail::Skeletons skeletons_;
-  std::shared_ptr<const map::Binding> binding_;
-  std::optional<gffd::GffdMap> map_;
   Posed posed_;
   std::optional<std::size_t> foldsOfInput_;  ///< counted before resampling divides its edges
   render::Image picture_;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fielddeform/gffd/options.h>
+#include <fielddeform/map/lattice.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/resample/refine.h>
 #include <fielddeform/skeleton/edit.h>
@@ -29,6 +30,29 @@ using PosedSource = std::variant<std::filesystem::path, skeleton::Skeleton>;
 struct Mask {
   std::string attribute;        ///< a vertex attribute of the mesh; empty: `file`
   std::filesystem::path file;   ///< text, one number a vertex
+};
+
+/// A lattice made for each mesh, with nodes moved by number.
+struct LatticeRule {
+  std::array<int, 3> nodes{2, 2, 2};          ///< per axis
+  map::BasisKind basis = map::BasisKind::Bernstein;
+  int degree = 3;                             ///< of B-splines, 1 to 3
+  map::Border border = map::Border::Coincident;
+  std::optional<map::LatticeBox> box{};       ///< absent: fitted to the mesh
+  bool oriented = false;                      ///< fit along the principal axes instead of x, y, z
+  double padding = 0;                         ///< of a fitted box, share of its longest edge, >= 0
+  map::Outside outside = map::Outside::Extend;
+  struct Move {
+    std::array<int, 3> node{};
+    Vec3 by = Vec3::Zero();                   ///< world
+  };
+  std::vector<Move> moves{};                  ///< several of one node add up
+};
+
+/// One lattice of a scene: a file, the lattice itself, or a rule.
+struct LatticeStep {
+  std::variant<std::filesystem::path, map::Lattice, LatticeRule> source;
+  bool fit = false;                           ///< carry the lattice over to the box of this mesh, displacements included
 };
 
 enum class Axis : std::uint8_t { X, Y, Z };
@@ -63,6 +87,7 @@ struct Scene {
   std::uint64_t seed = 0;
   std::vector<std::filesystem::path> inputs;  ///< at least one
   mesh::ReadOptions read;
+  std::vector<LatticeStep> lattices;          ///< method "lattice": one after the other; empty: method "gffd" by skeleton
   RestSource rest;
   std::optional<PosedSource> posed;           ///< a posed skeleton, or edits; not both
   std::vector<skeleton::NamedPair> pairs;
@@ -75,6 +100,9 @@ struct Scene {
   std::optional<Check> check;
   std::string extras;                         ///< JSON object passed through; may be empty
 };
+
+/// The method's word: "gffd", "lattice".
+std::string_view methodOf(const Scene& scene) noexcept;
 
 /// Reads a scene file. Paths in the result are relative to the scene's folder no more: they are prefixed with it.
 /// @throw IoError naming line, column or JSON Pointer, what was found and what was expected

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "figures.h"
+#include "hirota.h"
 #include "shapes.h"
 
 namespace fielddeform::samples {
@@ -92,6 +93,11 @@ const std::vector<Sample>& samples() {
       {"bunny", "bunny.obj", "rabbit of soft balls (Figure 11)", [](const path& p) { write(bunny(), p); }},
       {"bunny-lod", "bunny-lod.json", "the rabbit's coarse model as a skeleton",
        [](const path& p) { write({solid("lod", bunny(0.3), 0.3)}, p); }},
+      {"torus", "torus.obj", "torus of 4096 triangles (Hirota's)", [](const path& p) { write(torus(16), p); }},
+      {"club", "club.obj", "Indian club (Hirota's)", [](const path& p) { write(club(64), p); }},
+      {"quadruped", "quadruped.obj", "standing animal in place of Hirota's cow", [](const path& p) { write(quadruped(), p); }},
+      {"pitcher", "pitcher.obj", "pitcher of bicubic patches: wall, lip, handle (Hirota's)",
+       [](const path& p) { write(pitcher(12), p); }},
   };
   return list;
 }

@@ -4,6 +4,7 @@
 #include <fielddeform/skeleton/io.h>
 #include <gtest/gtest.h>
 #include <samples/generate/figures.h>
+#include <samples/generate/hirota.h>
 #include <samples/generate/isosurface.h>
 #include <samples/generate/samples.h>
 #include <samples/generate/shapes.h>
@@ -71,6 +72,17 @@ TEST(Isosurface, IsAManifoldWhereSheetsTouch) {
       expectClosedManifold(isosurface(Box(Vec3(-1.31, -1.31, -1.31), Vec3(1.31, 1.31, 1.31)), spacing, f));
     }
   }
+}
+
+TEST(Samples, HirotasShapesAreClosedAndTurnedOutwards) {
+  for (const mesh::Mesh& m : {torus(6), club(16), quadruped(.5), pitcher(4)}) {
+    expectClosedManifold(m);
+    EXPECT_GT(volume(m), 0);
+  }
+  // Pappus: 2 pi^2 R r^2, less what chords cut off: about (pi / n)^2 * 2/3 a section, and as much round the ring.
+  const double exact = 2 * std::numbers::pi * std::numbers::pi * .4 * .4;
+  EXPECT_NEAR(volume(torus(16)), exact, .01 * exact);
+  EXPECT_LT(volume(torus(16)), exact);
 }
 
 TEST(Samples, TeapotHasItsPatches) {

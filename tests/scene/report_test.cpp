@@ -52,7 +52,7 @@ TEST(Report, JsonHoldsEveryEntryAndReadsBack) {
   report.run.paths = {{"input", "a.ply"}};
   const JsonDocument document = JsonDocument::parse(toJson(report), "report.json");
   const JsonValue root = document.root();
-  root.allowKeys({"format", "version", "options", "predictor", "vertices", "faces", "status", "residual", "folds",
+  root.allowKeys({"format", "version", "options", "method", "predictor", "vertices", "faces", "status", "residual", "folds",
                   "flipped", "volume", "inserted_vertices", "stretch", "warnings", "run"});
   EXPECT_EQ(root.require("status").require("converged").integer(0, 9), 2u);
   std::uint64_t sum = 0;

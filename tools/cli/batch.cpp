@@ -84,9 +84,11 @@ void printResult(const Job& job, const scene::RunResult& result, Terminal& termi
   terminal.print(fmt::format("{} -> {}", job.input.string(), job.output.mesh.string()));
   row("vertices", fmt::format("{}: {}", r.vertices, statusText(r)));
   if (r.insertedVertices > 0) row("inserted", fmt::format("{} vertices", r.insertedVertices));
-  row("tracking", fmt::format("{}: {}", r.predictor, r.predictorReason));
-  row("radius", fmt::format("{:.6g}{}", r.referenceRadius, result.radiusWasAutomatic ? " (automatic)" : ""));
-  row("residual", fmt::format("{:.3g} at most, tolerance {:.3g}", r.residual.max, r.tolerance));
+  if (!r.predictor.empty()) {
+    row("tracking", fmt::format("{}: {}", r.predictor, r.predictorReason));
+    row("radius", fmt::format("{:.6g}{}", r.referenceRadius, result.radiusWasAutomatic ? " (automatic)" : ""));
+    row("residual", fmt::format("{:.3g} at most, tolerance {:.3g}", r.residual.max, r.tolerance));
+  }
   row("folds", fmt::format("{} ({} in the input), {} faces flipped", r.foldsAfter, r.foldsBefore, r.flipped));
   row("stretch", fmt::format("{:.3f} at most", r.stretch.max));
   row("volume", volumeText(r.volume));

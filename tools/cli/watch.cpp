@@ -51,7 +51,9 @@ Stamps stampsOf(const std::vector<fs::path>& files) {
 std::vector<fs::path> filesOf(const fs::path& sceneFile, const scene::Scene& scene) {
   std::vector<fs::path> files = scene.inputs;
   files.push_back(sceneFile);
-  if (const auto* path = std::get_if<fs::path>(&scene.rest)) files.push_back(*path);
+  for (const scene::LatticeStep& step : scene.lattices)
+    if (const auto* path = std::get_if<fs::path>(&step.source)) files.push_back(*path);
+  if (const auto* path = std::get_if<fs::path>(&scene.rest); path && !path->empty()) files.push_back(*path);
   if (scene.posed)
     if (const auto* path = std::get_if<fs::path>(&*scene.posed)) files.push_back(*path);
   if (scene.mask && !scene.mask->file.empty()) files.push_back(scene.mask->file);

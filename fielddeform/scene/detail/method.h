@@ -1,0 +1,45 @@
+#pragma once
+
+#include <fielddeform/resample/refine.h>
+#include <fielddeform/scene/detail/output.h>
+#include <fielddeform/scene/report.h>
+#include <fielddeform/scene/scene.h>
+
+#include <memory>
+
+namespace fielddeform::scene::detail {
+
+/// One way of deforming one mesh: what a run needs of it, so that resampling, masks, frames, checks, reports and files serve
+/// every method unchanged. Called in the order of the members; `mesh` is always at rest.
+class Method {
+ public:
+  virtual ~Method() = default;
+
+  /// The stage's name of prepare(): "skeleton", "lattice".
+  virtual std::string_view preparation() const noexcept = 0;
+  /// Reads and fits what deforms the mesh.
+  virtual void prepare(const mesh::Mesh& mesh) = 0;
+  /// Makes the choices that look at the mesh, and binds it.
+  virtual void bind(const mesh::Mesh& mesh) = 0;
+  /// Deforms the bound mesh; forgets its binding.
+  virtual Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) = 0;
+  /// Refines the mesh under the map.
+  virtual resample::Refined refine(const mesh::Mesh& mesh, const resample::Options& options,
+                                   std::vector<std::string>& warnings, Progress& progress) = 0;
+  /// The method's own entries of the report.
+  virtual void describe(Report& report) const = 0;
+  /// Puts every choice into the scene, so that it runs to the same bytes.
+  virtual void resolve(Scene& scene) const = 0;
+  virtual bool radiusWasAutomatic() const noexcept { return false; }
+  /// What a picture shows beside the mesh; empty for nothing.
+  virtual skeleton::SkeletonPair overlay() const { return {}; }
+  /// The mesh at time t between input (0) and result (1), with the choices made for the result.
+  virtual Posed poseAt(const mesh::Mesh& mesh, double t, Progress& progress) = 0;
+};
+
+/// @param scene  outlives the method
+std::unique_ptr<Method> makeMethod(const Scene& scene);
+std::unique_ptr<Method> makeGffdMethod(const Scene& scene);
+std::unique_ptr<Method> makeLatticeMethod(const Scene& scene);
+
+}  // namespace fielddeform::scene::detail

@@ -1,0 +1,146 @@
+// A scene by skeleton: GFFD as a method of scene::run().
+#include <fielddeform/gffd/deform.h>
+#include <fielddeform/mesh/quality.h>
+#include <fielddeform/scene/detail/method.h>
+#include <fielddeform/scene/detail/skeletons.h>
+#include <fmt/format.h>
+
+namespace fielddeform::scene::detail {
+namespace {
+
+// The fold guard as a step of the resampler.
+void guardRefined(const gffd::GffdMap& map, const mesh::Mesh& rest, const map::MapOutput& state) {
+  const gffd::GuardReport report = gffd::guard(rest, state.safe, state.position, state.status);
+  std::vector<Vec3> points(report.limited.size()), moved(points.size());
+  std::vector<Index> order(points.size());
+  for (Index k = 0; k < points.size(); ++k) {
+    points[k] = rest.positions()[report.limited[k]];
+    moved[k] = state.position[report.limited[k]];
+    order[k] = k;
+  }
+  std::vector<float> residual(points.size());
+  map.residuals(*map.bind(points), order, moved, residual);
+  for (std::size_t k = 0; k < points.size(); ++k) state.residual[report.limited[k]] = residual[k];
+}
+
+Posed posedOf(gffd::Deformed&& d) { return {std::move(d.position), std::move(d.status), std::move(d.residual)}; }
+
+class GffdMethod final : public Method {
+ public:
+  explicit GffdMethod(const Scene& scene) : scene_(scene) {}
+
+  std::string_view preparation() const noexcept override { return "skeleton"; }
+
+  void prepare(const mesh::Mesh& mesh) override { skeletons_ = prepareSkeletons(scene_, mesh); }
+
+  void bind(const mesh::Mesh& mesh) override {
+    const gffd::ResolvedOptions resolved = gffd::resolve(scene_.tracking, mesh, skeletons_.pair, &binding_);
+    radiusWasAutomatic_ = skeletons_.radiusWasAutomatic || resolved.radiusWasAutomatic;
+    map_.emplace(resolved);
+    if (!binding_) binding_ = map_->bind(mesh.positions());
+  }
+
+  Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) override {
+    gffd::Deformed deformed = gffd::deform(mesh, *map_, *binding_, progress);
+    map_ = std::move(deformed.map);
+    if (!deformed.retry.empty()) warnings.push_back(deformed.retry);
+    if (const std::size_t pierced = map_->countPierced(*binding_); pierced > 0)
+      warnings.push_back(fmt::format("{} vertices outside the skeleton's influence stay where they are, and the skeleton was "
+                                     "moved to them", pierced));
+    if (map_->countMovable(*binding_) == 0)
+      warnings.push_back(unpaired().value_or("no vertex is within the skeleton's influence: nothing was deformed; is the "
+                                             "skeleton on the mesh?"));
+    binding_.reset();
+    return posedOf(std::move(deformed));
+  }
+
+  resample::Refined refine(const mesh::Mesh& mesh, const resample::Options& options, std::vector<std::string>& warnings,
+                           Progress& progress) override {
+    resample::Refined refined = refineOnce(mesh, options, progress);
+    if (map_->resolved().predictorWasAutomatic && map_->resolved().options.predictor == gffd::Predictor::Axial)
+      retryWithMls(mesh, options, refined, warnings, progress);
+    return refined;
+  }
+
+  void describe(Report& r) const override {
+    const gffd::ResolvedOptions& resolved = map_->resolved();
+    r.method = "gffd";
+    r.predictor = gffd::toString(resolved.options.predictor);
+    r.predictorReason = resolved.predictorReason;
+    r.referenceRadius = resolved.referenceRadius;
+    r.tolerance = resolved.options.tolerance * resolved.referenceRadius;
+  }
+
+  void resolve(Scene& s) const override {
+    s.edits = skeletons_.edits;
+    s.tracking = map_->resolved().options;
+    s.tracking.retry = false;
+    s.tracking.radius.reset();
+    storeSkeletons(skeletons_, map_->resolved().skeletons, s);
+  }
+
+  bool radiusWasAutomatic() const noexcept override { return radiusWasAutomatic_; }
+  skeleton::SkeletonPair overlay() const override { return map_->resolved().skeletons; }
+
+  Posed poseAt(const mesh::Mesh& mesh, double t, Progress& progress) override {
+    if (!binding_) binding_ = map_->bind(mesh.positions());
+    const gffd::GffdMap map =
+        map_->withPose(detail::poseAt(skeletons_, scene_, mesh, map_->resolved().skeletons, t));
+    // As the result was tracked: a retry of its own could choose otherwise.
+    return posedOf(gffd::deformOnce(mesh, map, *binding_, progress));
+  }
+
+ private:
+  // Why a vertex follows nothing, if it is that no primitive at rest has a posed partner.
+  std::optional<std::string> unpaired() const {
+    const skeleton::SkeletonPair& pair = skeletons_.pair;
+    const std::string *removed = nullptr, *added = nullptr;
+    for (const auto& p : pair.pairs) {
+      if (p.rest != kNoIndex && p.posed != kNoIndex) return std::nullopt;
+      if (p.rest != kNoIndex && !removed) removed = &pair.rest.primitives[p.rest].name;
+      if (p.posed != kNoIndex && !added) added = &pair.posed.primitives[p.posed].name;
+    }
+    if (!removed || !added) return std::nullopt;
+    return fmt::format("nothing was deformed: no primitive is in both skeletons, '{0}' is removed and '{1}' added; use "
+                       "--pair {0}={1} to replace one by the other", *removed, *added);
+  }
+
+  resample::Refined refineOnce(const mesh::Mesh& mesh, resample::Options options, Progress& progress) const {
+    const gffd::Options& tracking = map_->resolved().options;
+    if (tracking.guard && tracking.corrector && !map_->isIdentity())
+      options.meshStep = [this](const mesh::Mesh& rest, const map::MapOutput& state) { guardRefined(*map_, rest, state); };
+    return resample::refine(mesh, *map_, options, progress);
+  }
+
+  // Between the vertices that "auto" looked at, the closest frame may jump: inserted vertices bring that to light.
+  void retryWithMls(const mesh::Mesh& mesh, const resample::Options& options, resample::Refined& refined,
+                    std::vector<std::string>& warnings, Progress& progress) {
+    const auto folds = [](const resample::Refined& r) { return mesh::countFolds(r.rest, r.rest.positions(), r.posed); };
+    const std::size_t before = folds(refined);
+    if (before == 0 && refined.report.reason == resample::StopReason::Done) return;
+    const gffd::GffdMap axial = *map_;
+    map_ = axial.withPredictor(gffd::Predictor::Mls);
+    resample::Refined second = refineOnce(mesh, options, progress);
+    const std::size_t after = folds(second);
+    if (after > before || (after == before && second.report.remaining >= refined.report.remaining)) {
+      map_ = axial;
+      return;
+    }
+    refined = std::move(second);
+    warnings.push_back(fmt::format("inserted vertices showed {} folded edges of axial, mls has {} and was taken", before, after));
+  }
+
+  const Scene& scene_;
+  Skeletons skeletons_;
+  std::shared_ptr<const map::Binding> binding_;
+  std::optional<gffd::GffdMap> map_;
+  bool radiusWasAutomatic_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Method> makeGffdMethod(const Scene& scene) { return std::make_unique<GffdMethod>(scene); }
+
+std::unique_ptr<Method> makeMethod(const Scene& scene) { return makeGffdMethod(scene); }
+
+}  // namespace fielddeform::scene::detail
