@@ -23,14 +23,13 @@ struct Grid {
 
 class ExactSolve {
  public:
-  ExactSolve(const Prepared::Impl& impl, Points start, const Options& options, Progress& progress)
-      : impl_(impl), options_(options), progress_(progress), start_(start.begin(), start.end()) {
+  ExactSolve(const Prepared::Impl& impl, Points start, MeshConstraints& fine, const Options& options, Progress& progress)
+      : impl_(impl), fine_(fine), options_(options), progress_(progress), start_(start.begin(), start.end()) {
     dense_ = 3 * static_cast<Eigen::Index>(impl.free.size()) <= kDenseVariables;
     form_ = impl.problem.constraints.moments.empty() && impl.rowOf.size() <= kFormNodes;
   }
 
   Solved run() {
-    const Grid fine = fineGrid();
     const bool small = impl_.fine().triangles() <= kDirectTriangles;
     const bool twoGrid = options_.exact.twoGrid && !(small && (form_ || dense_));
     if (!twoGrid && canFormFine()) {
@@ -49,24 +48,23 @@ class ExactSolve {
       x = impl_.core(start_).variablesOf(start_);
     }
     if (!twoGrid || !faithful_) {
-      NodeConstraints& curvature = twoGrid ? *coarse->constraints : *fine.constraints;
-      x = firstSolve(*fine.constraints, curvature, tolerance(1), impl_.levels.size() - 1);
+      NodeConstraints& curvature = twoGrid ? *coarse->constraints : fine_;
+      x = firstSolve(fine_, curvature, tolerance(1), impl_.levels.size() - 1);
     }
     const Core core = impl_.core(start_);
     auto polish = [&](NodeConstraints& values, NodeConstraints& curvature) {
       return minimize(core, values, curvature, x, tolerance(1), impl_.levels.size() - 1);
     };
-    numeric::SqpReport report = polish(*fine.constraints, twoGrid ? *coarse->constraints : *fine.constraints);
+    numeric::SqpReport report = polish(fine_, twoGrid ? *coarse->constraints : fine_);
     if (!report.converged && twoGrid) {  // second derivatives of the coarse copy were not good enough
       if (canFormFine()) {
         Grid form = formOf(impl_.levels.size() - 1);
         report = polish(*form.constraints, *form.constraints);
       } else {
-        report = polish(*fine.constraints, *fine.constraints);
+        report = polish(fine_, fine_);
       }
     }
     note(report);
-    solved_.fineEvaluations = fine.constraints->evaluations;
     solved_.x = std::move(x);
     return std::move(solved_);
   }
@@ -86,12 +84,6 @@ class ExactSolve {
 
   bool canFormFine() const {
     return form_ && impl_.fine().basis() && impl_.fine().base().size() * impl_.rowOf.size() <= kFormEntries;
-  }
-  Grid fineGrid() const {
-    Grid g;
-    g.model = &impl_.fine();
-    g.constraints = std::make_unique<MeshConstraints>(*g.model, impl_.targets(impl_.levels.size() - 1), impl_.problem.constraints.moments, impl_.extent);
-    return g;
   }
   Grid formOf(std::size_t level) const {
     Grid g;
@@ -201,6 +193,7 @@ class ExactSolve {
   }
 
   const Prepared::Impl& impl_;
+  MeshConstraints& fine_;
   const Options& options_;
   Progress& progress_;
   std::vector<Vec3> start_;
@@ -212,8 +205,8 @@ class ExactSolve {
 
 }  // namespace
 
-Solved solveExact(const Prepared::Impl& impl, Points start, const Options& options, Progress& progress) {
-  return ExactSolve(impl, start, options, progress).run();
+Solved solveExact(const Prepared::Impl& impl, Points start, MeshConstraints& fine, const Options& options, Progress& progress) {
+  return ExactSolve(impl, start, fine, options, progress).run();
 }
 
 }  // namespace fielddeform::volume::detail

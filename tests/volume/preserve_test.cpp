@@ -179,6 +179,79 @@ TEST(Preserve, ManyNodesAreSolvedSparsely) {
   EXPECT_NEAR(paper.report.energy, exact.report.energy, 2e-3 * exact.report.energy);  // a deviation of 5e-4 was projected away
 }
 
+/// A lattice whose displacement is multiplied by a mask that vanishes at z <= 0.
+class Masked final : public map::LinearMap {
+ public:
+  explicit Masked(std::shared_ptr<const map::LinearMap> inner) : inner_(std::move(inner)) {}
+  struct Bound final : map::Binding {
+    std::shared_ptr<const map::Binding> inner;
+    std::vector<double> mask;
+    std::size_t size() const override { return mask.size(); }
+  };
+  std::shared_ptr<const map::Binding> bind(Points rest) const override {
+    auto out = std::make_shared<Bound>();
+    out->inner = inner_->bind(rest);
+    for (const Vec3& p : rest) out->mask.push_back(p.z() > 0 ? std::min(1.0, 4 * p.z() * p.z()) : 0);
+    return out;
+  }
+  void apply(const map::Binding&, map::MapOutput, Progress&) const override { throw std::logic_error("not needed"); }
+  void jacobians(const map::Binding&, std::span<Mat3>) const override { throw std::logic_error("not needed"); }
+  std::size_t nodeCount() const override { return inner_->nodeCount(); }
+  Points restNodes() const override { return inner_->restNodes(); }
+  Points displacements() const override { return inner_->displacements(); }
+  map::SparseRows basis(const map::Binding& binding) const override {
+    const Bound& b = dynamic_cast<const Bound&>(binding);
+    map::SparseRows rows = inner_->basis(*b.inner);
+    for (std::size_t r = 0; r < rows.rows(); ++r)
+      for (std::size_t k = rows.start[r]; k < rows.start[r + 1]; ++k) rows.value[k] *= b.mask[r];
+    return rows;
+  }
+  void combine(const map::Binding& binding, Points v, std::span<Vec3> out) const override {
+    const Bound& b = dynamic_cast<const Bound&>(binding);
+    inner_->combine(*b.inner, v, out);
+    for (std::size_t p = 0; p < out.size(); ++p) out[p] *= b.mask[p];
+  }
+  void gather(const map::Binding& binding, Points v, std::span<Vec3> out) const override {
+    const Bound& b = dynamic_cast<const Bound&>(binding);
+    std::vector<Vec3> masked(v.begin(), v.end());
+    for (std::size_t p = 0; p < v.size(); ++p) masked[p] *= b.mask[p];
+    inner_->gather(*b.inner, masked, out);
+  }
+  std::unique_ptr<LinearMap> withDisplacements(Points d) const override { return std::make_unique<Masked>(inner_->withDisplacements(d)); }
+
+ private:
+  std::shared_ptr<const map::LinearMap> inner_;
+};
+
+TEST(Preserve, AMaskedMapAndFixedRimsWorkUnchanged) {
+  // A ball without its lower part; the mask leaves z <= 0 alone, so the rim never moves. The closed ball is the oracle.
+  const mesh::Mesh ball = tests::makeIcosphere(3);
+  VolumeCase closed = inLattice(ball, {3, 3, 3});
+  closed.problem.map = std::make_shared<Masked>(closed.problem.map);
+  closed.problem.surface = makeSurface(*closed.problem.map, ball);
+  const double base = SurfaceVolume(ball.positions(), ball.triangles()).value(ball.positions());
+  closed.problem.constraints.volume = {1.1 * base};
+  VolumeCase open = closed;
+  std::vector<Index> kept;
+  for (std::size_t t = 0; t < open.problem.surface.triangles.size(); t += 3) {
+    const Index* v = open.problem.surface.triangles.data() + t;
+    if (std::max({ball.positions()[v[0]].z(), ball.positions()[v[1]].z(), ball.positions()[v[2]].z()}) > -0.3) kept.insert(kept.end(), v, v + 3);
+  }
+  open.problem.surface.triangles = kept;
+  open.problem.rims = Rims::Fixed;
+  open.problem.constraints.volume = {SurfaceVolume(ball.positions(), kept, {}, Rims::Fixed).value(ball.positions()) + 0.1 * base};
+  for (const Options& o : {Options{}, Options{.exact = {.twoGrid = false}}, Options{.solver = Solver::Projection}, Options{.solver = Solver::AugmentedLagrangian, .augmentedLagrangian = {.tolerance = 1e-9, .gradient = 1e-9}}}) {
+    const Result a = solve(closed.problem, o), b = solve(open.problem, o);
+    EXPECT_LE(std::abs(a.report.volumes[0].deviation()), 1e-12);
+    EXPECT_LE(std::abs(b.report.volumes[0].deviation()), 1e-12);
+    EXPECT_NEAR(a.report.energy, b.report.energy, 1e-6 * a.report.energy) << toString(o.solver);
+    for (std::size_t v = 0; v < ball.vertexCount(); ++v) {
+      EXPECT_LT((a.positions[v] - b.positions[v]).norm(), 1e-4) << toString(o.solver);
+      if (ball.positions()[v].z() <= 0) { EXPECT_EQ(a.positions[v], ball.positions()[v]); }
+    }
+  }
+}
+
 TEST(Preserve, SaysWhatCannotBe) {
   VolumeCase c = tests::clubCompression(1);
   Problem all = c.problem;
