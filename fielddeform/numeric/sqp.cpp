@@ -39,9 +39,12 @@ class Sqp {
   }
 
  private:
-  void differentiate() {
-    at_.f = problem_.derivatives(at_.x, at_.gradient, at_.c, at_.jacobian);
+  void evaluate(Iterate& at) {
+    at.f = problem_.derivatives(at.x, at.gradient, at.c, at.jacobian);
     ++report_.derivatives, ++report_.evaluations;
+  }
+  void differentiate() {
+    evaluate(at_);
     steps_.project(at_.gradient, at_.jacobian, at_.multiplier, at_.reduced);
   }
 
@@ -64,18 +67,32 @@ class Sqp {
     // Last steps change the merit by less than its rounding: they are taken on trust.
     const double noise = 1e-13 * (std::abs(at_.f) + weight_ * at_.c.lpNorm<1>() + 1e-3);
     const double before = merit(at_.f, at_.c);
+    // The whole step is mostly good: its derivatives are taken at once.
+    Iterate whole;
+    whole.x = at_.x + p;
+    evaluate(whole);
+    if (good(whole.f, whole.c, before, slope, noise)) {
+      widen(length);
+      at_ = std::move(whole);
+      steps_.project(at_.gradient, at_.jacobian, at_.multiplier, at_.reduced);
+      return true;
+    }
     Vector c;
-    for (double t = 1; t > 1e-9; t *= 0.5) {
-      Vector trial = at_.x + t * p;
-      double f = problem_.values(trial, c);
+    if (std::isfinite(whole.f)) {
+      const Vector trial = whole.x + steps_.normal(whole.c);
+      const double f = problem_.values(trial, c);
       ++report_.evaluations;
-      if (good(f, c, before, t * slope, noise)) return accept(std::move(trial), t, length);
-      if (t == 1 && std::isfinite(f)) {
-        trial += steps_.normal(c);
-        f = problem_.values(trial, c);
-        ++report_.evaluations;
-        if (good(f, c, before, slope, noise)) return accept(std::move(trial), 1, length);
+      if (good(f, c, before, slope, noise)) {
+        widen(length);
+        return accept(trial);
       }
+    }
+    radius_ = std::min(radius_, 0.5 * length);
+    for (double t = 0.5; t > 1e-9; t *= 0.5) {
+      const Vector trial = at_.x + t * p;
+      const double f = problem_.values(trial, c);
+      ++report_.evaluations;
+      if (good(f, c, before, t * slope, noise)) return accept(trial);
       radius_ = std::min(radius_, 0.5 * t * length);
     }
     return false;
@@ -96,12 +113,12 @@ class Sqp {
     if (weight_ < needed) weight_ = 1.2 * needed;
   }
 
-  bool accept(Vector x, double t, double length) {
-    at_.x = std::move(x);
-    if (t == 1) radius_ = std::clamp(2 * length, radius_, 2 * options_.radius * 4);
+  bool accept(const Vector& x) {
+    at_.x = x;
     differentiate();
     return true;
   }
+  void widen(double length) { radius_ = std::clamp(2 * length, radius_, 8 * options_.radius); }
 
   bool leaveSaddle() {
     steps_.linearize(at_.x, at_.multiplier);

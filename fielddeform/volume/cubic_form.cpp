@@ -18,17 +18,6 @@ constexpr std::size_t kChunk = 16 * kBlock;
 /// Place of the pair (i, j), i < j, among the pairs in lexicographic order.
 std::size_t pairIndex(std::size_t n, std::size_t i, std::size_t j) { return i * (2 * n - i - 1) / 2 + (j - i - 1); }
 
-/// w += a ^ b: a_j b_k - a_k b_j for j < k, in the order of the pairs.
-void addWedge(const double* a, const double* b, std::size_t n, double* w) {
-  for (std::size_t j = 0; j + 1 < n; ++j) {
-    const double aj = a[j], bj = b[j];
-    const double *ak = a + j + 1, *bk = b + j + 1;
-    const std::size_t count = n - j - 1;
-    for (std::size_t k = 0; k < count; ++k) w[k] += aj * bk[k] - ak[k] * bj;
-    w += count;
-  }
-}
-
 struct Rings {
   std::vector<std::size_t> start;
   std::vector<std::array<Index, 2>> ends;
@@ -82,7 +71,7 @@ CubicForm CubicForm::ofMesh(const Eigen::Ref<const RowMatrix>& basis, std::span<
           wedge.setZero();
           for (std::size_t v = 0; v < count; ++v)
             for (std::size_t c = rings.start[first + v]; c < rings.start[first + v + 1]; ++c)
-              addWedge(basis.row(static_cast<Eigen::Index>(rings.ends[c][0])).data(), basis.row(static_cast<Eigen::Index>(rings.ends[c][1])).data(),
+              detail::addWedge(basis.row(static_cast<Eigen::Index>(rings.ends[c][0])).data(), basis.row(static_cast<Eigen::Index>(rings.ends[c][1])).data(),
                        n, wedge.row(static_cast<Eigen::Index>(v)).data());
           const auto phi = basis.middleRows(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(count));
           for (std::size_t i = 0; i + 2 < n; i += 4) {
@@ -118,15 +107,14 @@ std::vector<double> CubicForm::unique() const {
   return out;
 }
 
-void CubicForm::contract(Points x, std::vector<double>& s) const {
+void CubicForm::contract(Points x, std::vector<Vec3>& s) const {
   if (x.size() != nodes_) throw std::invalid_argument(fmt::format("{} nodes, expected {}", x.size(), nodes_));
   std::vector<double> columns(3 * stride_, 0.0);
   for (std::size_t i = 0; i < nodes_; ++i)
     for (std::size_t c = 0; c < 3; ++c) columns[c * stride_ + i] = x[i][static_cast<Eigen::Index>(c)];
   const std::size_t pairs = nodes_ * (nodes_ - 1) / 2;
-  s.resize(3 * pairs);
-  for (std::size_t p = 0; p < pairs; ++p)
-    detail::dot3(rows_.data() + p * stride_, columns.data(), columns.data() + stride_, columns.data() + 2 * stride_, stride_, s.data() + 3 * p);
+  s.resize(pairs);
+  detail::dot3Rows(rows_.data(), stride_, pairs, columns.data(), s.data());
 }
 
 double CubicForm::value(Points x) const {
@@ -136,15 +124,15 @@ double CubicForm::value(Points x) const {
 
 double CubicForm::gradient(Points x, std::span<Vec3> out) const {
   if (out.size() != nodes_) throw std::invalid_argument(fmt::format("{} gradients, expected {}", out.size(), nodes_));
-  std::vector<double> s;
+  std::vector<Vec3> s;
   contract(x, s);
   for (Vec3& g : out) g.setZero();
-  const double* next = s.data();
+  const Vec3* next = s.data();
   for (std::size_t i = 0; i < nodes_; ++i) {
     Vec3 own = Vec3::Zero();
     const Vec3 xi = x[i];
-    for (std::size_t j = i + 1; j < nodes_; ++j, next += 3) {
-      const Vec3 sij(next[0], next[1], next[2]);
+    for (std::size_t j = i + 1; j < nodes_; ++j, ++next) {
+      const Vec3& sij = *next;
       own += x[j].cross(sij);
       out[j] += sij.cross(xi);
     }
@@ -160,14 +148,14 @@ double CubicForm::gradient(Points x, std::span<Vec3> out) const {
 
 void CubicForm::addHessian(Points x, double weight, std::span<const Index> rows, Eigen::MatrixXd& h) const {
   if (rows.size() != nodes_) throw std::invalid_argument(fmt::format("{} rows, expected {}", rows.size(), nodes_));
-  std::vector<double> s;
+  std::vector<Vec3> s;
   contract(x, s);
-  const double* next = s.data();
+  const Vec3* next = s.data();
   for (std::size_t i = 0; i < nodes_; ++i)
-    for (std::size_t j = i + 1; j < nodes_; ++j, next += 3) {
+    for (std::size_t j = i + 1; j < nodes_; ++j, ++next) {
       if (rows[i] == kNoIndex || rows[j] == kNoIndex) continue;
       const Eigen::Index a = 3 * static_cast<Eigen::Index>(rows[i]), b = 3 * static_cast<Eigen::Index>(rows[j]);
-      const double u = weight * next[0], v = weight * next[1], w = weight * next[2];
+      const double u = weight * next->x(), v = weight * next->y(), w = weight * next->z();
       // -[S]_x at (i, j), its transpose at (j, i)
       h(a, b + 1) += w, h(a, b + 2) -= v, h(a + 1, b) -= w, h(a + 1, b + 2) += u, h(a + 2, b) += v, h(a + 2, b + 1) -= u;
       h(b + 1, a) += w, h(b + 2, a) -= v, h(b, a + 1) -= w, h(b + 2, a + 1) += u, h(b, a + 2) += v, h(b + 1, a + 2) -= u;

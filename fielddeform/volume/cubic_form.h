@@ -36,7 +36,7 @@ class CubicForm {
   void addHessian(Points x, double weight, std::span<const Index> rows, Eigen::MatrixXd& h) const;
 
  private:
-  void contract(Points x, std::vector<double>& s) const;
+  void contract(Points x, std::vector<Vec3>& s) const;
 
   std::size_t nodes_ = 0, stride_ = 0;
   std::vector<double> rows_;  ///< a row per pair (i < j): C_ijk for all k, padded to a multiple of 4

@@ -1,10 +1,10 @@
-#include <fielddeform/core/error.h>
 #include <fielddeform/core/random.h>
 #include <fielddeform/numeric/sqp.h>
 #include <fielddeform/volume/detail/prepared.h>
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 
 namespace fielddeform::volume::detail {
@@ -16,28 +16,26 @@ constexpr std::size_t kFormEntries = 16u << 20; // basis entries from which a fo
 
 /// One surface with its constraints, by the form where there is one.
 struct Grid {
-  std::optional<MeshModel> own;  ///< made here, not one of the problem's levels
+  std::unique_ptr<MeshModel> own;  ///< made here, not one of the problem's levels
   const MeshModel* model = nullptr;
   std::unique_ptr<NodeConstraints> constraints;
 };
 
 class ExactSolve {
  public:
-  ExactSolve(const Prepared::Impl& impl, Points start, const Options& options, Progress& progress)
-      : impl_(impl), options_(options), progress_(progress), start_(start.begin(), start.end()) {
+  ExactSolve(const Prepared::Impl& impl, Points start, MeshConstraints& fine, const Options& options, Progress& progress)
+      : impl_(impl), fine_(fine), options_(options), progress_(progress), start_(start.begin(), start.end()) {
     dense_ = 3 * static_cast<Eigen::Index>(impl.free.size()) <= kDenseVariables;
     form_ = impl.problem.constraints.moments.empty() && impl.rowOf.size() <= kFormNodes;
   }
 
   Solved run() {
-    const Grid fine = fineGrid();
     const bool small = impl_.fine().triangles() <= kDirectTriangles;
     const bool twoGrid = options_.exact.twoGrid && !(small && (form_ || dense_));
     if (!twoGrid && canFormFine()) {
       Grid form = formOf(impl_.levels.size() - 1);
-      const Core core = impl_.core(start_);
-      Eigen::VectorXd x = firstSolve(*form.constraints, *form.constraints, tolerance(1), impl_.levels.size() - 1, {});
-      finish(core, std::move(x));
+      Eigen::VectorXd x = firstSolve(*form.constraints, *form.constraints, tolerance(1), impl_.levels.size() - 1);
+      solved_.x = std::move(x);
       return std::move(solved_);
     }
     std::optional<Grid> coarse;
@@ -45,30 +43,29 @@ class ExactSolve {
     if (twoGrid) {
       coarse = coarseGrid();
       // Where the coarse copy is a caricature (thin parts merged), the first solve is left out.
-      x = faithful_ ? firstSolve(*coarse->constraints, *coarse->constraints, tolerance(1e4), coarseLevel_, coarseTargets_) : impl_.core(start_).variablesOf(start_);
+      x = faithful_ ? firstSolve(*coarse->constraints, *coarse->constraints, tolerance(1e4), coarseLevel_) : impl_.core(start_).variablesOf(start_);
     } else {
       x = impl_.core(start_).variablesOf(start_);
     }
     if (!twoGrid || !faithful_) {
-      NodeConstraints& curvature = twoGrid ? *coarse->constraints : *fine.constraints;
-      x = firstSolve(*fine.constraints, curvature, tolerance(1), impl_.levels.size() - 1, {});
+      NodeConstraints& curvature = twoGrid ? *coarse->constraints : fine_;
+      x = firstSolve(fine_, curvature, tolerance(1), impl_.levels.size() - 1);
     }
     const Core core = impl_.core(start_);
     auto polish = [&](NodeConstraints& values, NodeConstraints& curvature) {
       return minimize(core, values, curvature, x, tolerance(1), impl_.levels.size() - 1);
     };
-    numeric::SqpReport report = polish(*fine.constraints, twoGrid ? *coarse->constraints : *fine.constraints);
+    numeric::SqpReport report = polish(fine_, twoGrid ? *coarse->constraints : fine_);
     if (!report.converged && twoGrid) {  // second derivatives of the coarse copy were not good enough
       if (canFormFine()) {
         Grid form = formOf(impl_.levels.size() - 1);
         report = polish(*form.constraints, *form.constraints);
       } else {
-        report = polish(*fine.constraints, *fine.constraints);
+        report = polish(fine_, fine_);
       }
     }
     note(report);
-    solved_.fineEvaluations = fine.constraints->evaluations;
-    finish(core, std::move(x));
+    solved_.x = std::move(x);
     return std::move(solved_);
   }
 
@@ -87,12 +84,6 @@ class ExactSolve {
 
   bool canFormFine() const {
     return form_ && impl_.fine().basis() && impl_.fine().base().size() * impl_.rowOf.size() <= kFormEntries;
-  }
-  Grid fineGrid() const {
-    Grid g;
-    g.model = &impl_.fine();
-    g.constraints = std::make_unique<MeshConstraints>(*g.model, impl_.targets(impl_.levels.size() - 1), impl_.problem.constraints.moments, impl_.extent);
-    return g;
   }
   Grid formOf(std::size_t level) const {
     Grid g;
@@ -113,8 +104,8 @@ class ExactSolve {
       base = impl_.baseVolume[coarseLevel_];
     } else {
       const std::size_t vertices = std::clamp<std::size_t>(4 * impl_.rowOf.size(), 200, 2000);
-      g.own.emplace(clustered(*impl_.problem.map, impl_.problem.surface, impl_.fine(), vertices, impl_.problem.rims));
-      g.model = &*g.own;
+      g.own = std::make_unique<MeshModel>(clustered(*impl_.problem.map, impl_.problem.surface, impl_.fine(), vertices, impl_.problem.rims));
+      g.model = g.own.get();
       coarseLevel_ = impl_.levels.size() - 1;
       base = g.model->volume().values(g.model->base());
     }
@@ -151,14 +142,13 @@ class ExactSolve {
   }
 
   /// From the start, or from jittered ones, in parts of the load: the least energy among those that converged.
-  Eigen::VectorXd firstSolve(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level,
-                             const std::vector<VolumeTarget>& fullTargets) {
+  Eigen::VectorXd firstSolve(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level) {
     const Core core = impl_.core(start_);
     Eigen::VectorXd best;
     double bestEnergy = 0;
     numeric::SqpReport bestReport;
     for (int s = 0; s < options_.exact.starts; ++s) {
-      Eigen::VectorXd x = options_.exact.loadSteps > 1 && s == 0 ? loaded(values, curvature, options, level, fullTargets) : core.variablesOf(start_);
+      Eigen::VectorXd x = options_.exact.loadSteps > 1 && s == 0 ? loaded(values, curvature, options, level) : core.variablesOf(start_);
       if (s > 0) {
         const double width = options_.exact.jitter * impl_.extent / impl_.size;
         for (Eigen::Index k = 0; k < x.size(); ++k)
@@ -180,8 +170,7 @@ class ExactSolve {
   }
 
   /// The pinned nodes and targets are applied in parts, each solved from the one before.
-  Eigen::VectorXd loaded(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level,
-                         const std::vector<VolumeTarget>&) {
+  Eigen::VectorXd loaded(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level) {
     Eigen::VectorXd x;
     const int parts = options_.exact.loadSteps;
     for (int k = 1; k < parts; ++k) {
@@ -202,9 +191,9 @@ class ExactSolve {
     solved_.optimality = report.gradient;
     solved_.iterations += report.iterations, solved_.saddles += report.saddles;
   }
-  void finish(const Core&, Eigen::VectorXd x) { solved_.x = std::move(x); }
 
   const Prepared::Impl& impl_;
+  MeshConstraints& fine_;
   const Options& options_;
   Progress& progress_;
   std::vector<Vec3> start_;
@@ -216,8 +205,8 @@ class ExactSolve {
 
 }  // namespace
 
-Solved solveExact(const Prepared::Impl& impl, Points start, const Options& options, Progress& progress) {
-  return ExactSolve(impl, start, options, progress).run();
+Solved solveExact(const Prepared::Impl& impl, Points start, MeshConstraints& fine, const Options& options, Progress& progress) {
+  return ExactSolve(impl, start, fine, options, progress).run();
 }
 
 }  // namespace fielddeform::volume::detail

@@ -3,6 +3,8 @@
 
 #include <chrono>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 namespace fielddeform::volume::detail {
 namespace {
@@ -24,7 +26,22 @@ double seconds(std::chrono::steady_clock::time_point since) {
 
 }  // namespace
 
-Solved solveAugmentedLagrangian(const Prepared::Impl& impl, const Core& core, const Options& options, Progress& progress) {
+double volumeError(const Prepared::Impl& impl, std::size_t level, Points d) {
+  if (level == 0 || level >= impl.levels.size()) return std::numeric_limits<double>::quiet_NaN();
+  double share[2] = {}, triangles[2] = {};
+  std::vector<Vec3> x;
+  for (std::size_t k = 0; k < 2; ++k) {
+    const auto& model = impl.levels[level - 1 + k];
+    model.positions(d, x);
+    double posed = 0, base = 0;
+    for (std::size_t r = 0; r < impl.baseVolume[level].size(); ++r) posed += model.volume().value(x, r), base += impl.baseVolume[level - 1 + k][r];
+    share[k] = posed / base;
+    triangles[k] = static_cast<double>(model.triangles());
+  }
+  return std::abs((share[0] - share[1]) / (1 / triangles[0] - 1 / triangles[1]) / triangles[1]);
+}
+
+Solved solveAugmentedLagrangian(const Prepared::Impl& impl, const Core& core, MeshConstraints& fine, const Options& options, Progress& progress) {
   const AugmentedLagrangianOptions& o = options.augmentedLagrangian;
   Solved solved;
   numeric::AugmentedLagrangianState state;
@@ -36,7 +53,9 @@ Solved solveAugmentedLagrangian(const Prepared::Impl& impl, const Core& core, co
   // X, lambda and mu are inherited from level to level. [Hirota et al. 1999, Fig. 4]
   for (std::size_t level = o.multiLevel ? 0 : last; level <= last; ++level) {
     const auto begin = std::chrono::steady_clock::now();
-    MeshConstraints constraints(impl.levels[level], impl.targets(level), impl.problem.constraints.moments, impl.extent);
+    std::optional<MeshConstraints> own;
+    if (level != last) own.emplace(impl.levels[level], impl.targets(level), impl.problem.constraints.moments, impl.extent);
+    MeshConstraints& constraints = own ? *own : fine;
     Reduced reduced(core, constraints, constraints, LinearMode::Projected);
     const Eigen::VectorXd before = state.x;
     int step = 0;
@@ -58,10 +77,13 @@ Solved solveAugmentedLagrangian(const Prepared::Impl& impl, const Core& core, co
     row.seconds = seconds(begin);
     solved.levels.push_back(row);
     solved.iterations += report.steps;
-    if (level == last) solved.fineEvaluations = report.evaluations;
     solved.converged = report.converged;
     solved.optimality = report.gradient;
-    if (solved.levels.size() > 1 && report.converged && row.change < o.levelChange) break;
+    // The nodes stand still and this triangulation's own volume is good enough.
+    if (solved.levels.size() > 1 && report.converged && row.change < o.levelChange) {
+      core.displacements(state.x, d);
+      if (volumeError(impl, level, d) <= o.tolerance) break;
+    }
   }
   solved.starts.push_back({solved.levels.back().energy, solved.iterations, 0, solved.converged ? Outcome::Converged : Outcome::Limited});
   solved.x = std::move(state.x);

@@ -3,27 +3,12 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 
 namespace fielddeform::volume {
 namespace {
 
 using detail::Core, detail::MeshConstraints, detail::Solved;
-
-double errorEstimate(const Prepared::Impl& impl, Points d) {
-  if (impl.levels.size() < 2) return std::numeric_limits<double>::quiet_NaN();
-  double share[2] = {}, triangles[2] = {};
-  for (std::size_t k = 0; k < 2; ++k) {
-    const std::size_t level = impl.levels.size() - 2 + k;
-    const auto& model = impl.levels[level];
-    std::vector<Vec3> x;
-    model.positions(d, x);
-    double posed = 0, base = 0;
-    for (std::size_t r = 0; r < impl.baseVolume[level].size(); ++r) posed += model.volume().value(x, r), base += impl.baseVolume[level][r];
-    share[k] = posed / base;
-    triangles[k] = static_cast<double>(model.triangles());
-  }
-  return std::abs((share[0] - share[1]) / (1 / triangles[0] - 1 / triangles[1]) / triangles[1]);
-}
 
 void reportVolumes(const Prepared::Impl& impl, Points positions, Report& report) {
   const auto after = impl.fine().volume().values(positions);
@@ -112,9 +97,7 @@ Result preserve(const Prepared& prepared, const Options& options, Progress& prog
   Result result;
   Report& report = result.report;
   report.size = impl.extent;
-  std::vector<Vec3> x;
-  impl.fine().positions(start, x);
-  const auto before = impl.fine().volume().values(x);
+  const auto before = impl.fine().volume().values(fine.positions(start));
   for (std::size_t r = 0; r < before.size(); ++r) report.volumes.push_back({impl.baseVolume.back()[r], before[r], impl.wantedVolume(r, {}), before[r]});
   report.energyBefore = impl.problem.energy->value(start);
 
@@ -128,20 +111,19 @@ Result preserve(const Prepared& prepared, const Options& options, Progress& prog
     solved.converged = true;
     solved.x.resize(0);
   } else if (options.solver == Solver::Exact) {
-    solved = detail::solveExact(impl, start, options, progress);
+    solved = detail::solveExact(impl, start, fine, options, progress);
   } else if (options.solver == Solver::AugmentedLagrangian) {
-    solved = detail::solveAugmentedLagrangian(impl, core, options, progress);
+    solved = detail::solveAugmentedLagrangian(impl, core, fine, options, progress);
   } else {
     solved.x = core.variablesOf(start);
     solved.converged = true;
   }
   progress.throwIfCancelled();
 
-  const int used = fine.evaluations;
   report.projection = detail::projectOnto(core, fine, solved.x);
-  report.meshEvaluations = solved.fineEvaluations + fine.evaluations - used;
+  report.meshEvaluations = fine.evaluations;
   core.displacements(solved.x, result.displacements);
-  impl.fine().positions(result.displacements, result.positions);
+  result.positions = fine.positions(result.displacements);
   reportVolumes(impl, result.positions, report);
   Eigen::VectorXd c;
   fine.values(result.displacements, c);
@@ -150,7 +132,11 @@ Result preserve(const Prepared& prepared, const Options& options, Progress& prog
   report.optimality = solved.optimality;
   report.iterations = solved.iterations, report.saddles = solved.saddles;
   report.levels = std::move(solved.levels), report.starts = std::move(solved.starts);
-  report.errorEstimate = errorEstimate(impl, result.displacements);
+  report.errorEstimate = std::numeric_limits<double>::quiet_NaN();
+  if (options.solver == Solver::AugmentedLagrangian && !report.levels.empty()) {  // the level it ended at
+    const std::size_t end = options.augmentedLagrangian.multiLevel ? report.levels.size() - 1 : last;
+    report.errorEstimate = detail::volumeError(impl, end, result.displacements);
+  }
   judge(solved, c, impl.extent, report);
   return result;
 }

@@ -34,7 +34,9 @@ struct AugmentedLagrangianOptions {
   Minimiser minimiser = Minimiser::ConjugateGradients;
   double tolerance = 5e-4;       ///< |dV| / V at which a level ends [Hirota et al. 1999, Table 1: .0005 to .0008]
   double gradient = 1e-5;        ///< inner minimisation ends at |grad La| below this share of the first one's unit scale
-  double levelChange = 1e-3;     ///< levels end when no node moved by more than this share of the size between two
+  /// Levels end when no node moved by more than this share of the size between two, and the estimated error C / N of the
+  /// volume is within the tolerance.
+  double levelChange = 1e-3;
   double firstPenalty = 1;       ///< mu at the start, in units of the energy's curvature
   double largestPenalty = 1e5;   ///< mu's bound
   int maxSteps = 2000;           ///< inner steps of one level
@@ -47,7 +49,7 @@ struct ExactOptions {
   double deviation = 1e-12;      ///< |V / V_target - 1|
   int maxSaddles = 5;            ///< times that a saddle is left along its direction of descent
   bool twoGrid = true;           ///< solve on a coarse level first, if there is one
-  int loadSteps = 1;             ///< pinned displacements (and targets) are applied in so many parts
+  int loadSteps = 1;             ///< pinned displacements and point targets are applied in so many parts
   int starts = 1;                ///< the given start and starts - 1 jittered ones: the least energy wins
   double jitter = 0.1;           ///< of the size
   std::uint64_t seed = 0;
@@ -89,7 +91,7 @@ struct LevelReport {
   double seconds = 0;            ///< of wall time (never compared)
 };
 struct StartReport {
-  double energy = 0;
+  double energy = 0;             ///< on the mesh of the first solve, which may be a coarse one
   int iterations = 0, saddles = 0;
   Outcome outcome = Outcome::Converged;
 };
@@ -106,7 +108,7 @@ struct Report {
   double pointResidual = 0;      ///< largest |reached - wanted| of the point targets, world
   double momentResidual = 0;     ///< of the moments, in units of the size (its square)
   std::vector<LevelReport> levels;
-  /// C / N: the estimated relative volume error of the finest triangulation, from its two finest levels; NaN without levels.
+  /// C / N: the estimated relative volume error of the triangulation that the levels ended at, from the last two; else NaN.
   /// [Hirota et al. 1999, section 4.2]
   double errorEstimate = 0;
   std::vector<StartReport> starts;

@@ -29,12 +29,11 @@ bool alongGradient(const Core& core, MeshConstraints& fine, const VolumeTarget& 
   const double norm = p.norm();
   if (!(norm > 0)) return false;
   p /= norm;
-  std::vector<Vec3> d, direction, at, along;
+  std::vector<Vec3> d, direction, along;
   core.displacements(x, d);
   still.displacements(p, direction);
-  fine.model().positions(d, at);
   fine.model().combine(direction, along);
-  auto c = fine.model().volume().alongLine(at, along, target.region);
+  auto c = fine.model().volume().alongLine(fine.positions(d), along, target.region);
   c[0] -= target.target;
   const auto t = numeric::smallestCubicRoot(c);
   if (!t || !(std::abs(*t) < std::sqrt(static_cast<double>(core.free.size())))) return false;

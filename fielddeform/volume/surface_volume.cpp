@@ -120,13 +120,14 @@ SurfaceVolume::SurfaceVolume(Points rest, std::vector<Index> triangles, std::vec
   cornerStart_.assign(vertexCount_ + 1, 0);
   for (const Index v : triangles_) ++cornerStart_[v + 1];
   std::partial_sum(cornerStart_.begin(), cornerStart_.end(), cornerStart_.begin());
-  ring_.resize(triangles_.size()), ringRegion_.resize(triangles_.size());
+  ring_.resize(triangles_.size()), ringRegion_.resize(triangles_.size()), ringTriangle_.resize(triangles_.size());
   std::vector<std::size_t> place(cornerStart_.begin(), cornerStart_.end() - 1);
   for (std::size_t t = 0; t < regionOf.size(); ++t)
     for (std::size_t k = 0; k < 3; ++k) {
       const std::size_t to = place[triangles_[3 * t + k]]++;
       ring_[to] = {triangles_[3 * t + (k + 1) % 3], triangles_[3 * t + (k + 2) % 3]};
       ringRegion_[to] = regionOf[t];
+      ringTriangle_[to] = static_cast<Index>(t);
     }
   // A vertex's corners come region by region, as the triangles do.
   vertexStart_.assign(regions + 1, 0);
@@ -185,30 +186,37 @@ void SurfaceVolume::gradient(Points x, std::span<const double> weight, std::span
   });
 }
 
-double SurfaceVolume::valueAndGradient(Points x, std::size_t region, std::span<Vec3> out) const {
+double SurfaceVolume::valueAndGradient(Points x, std::size_t region, std::span<Vec3> out, std::vector<Vec3>& normal) const {
   const auto own = vertices(region);
   if (x.size() != vertexCount_ || out.size() != own.size()) throw std::invalid_argument("valueAndGradient: sizes differ from the surface's");
+  // Around a vertex whose corners close up, the sum of b x c is that of (b - a) x (c - a): one product serves all three
+  // corners of a triangle.
+  const std::size_t first = first_[region], count = first_[region + 1] - first;
   const Vec3 o = centre_[region];
-  const bool alone = regionCount() == 1;
-  // The volume is a cubic form about the centre: three times V is x . dV/dx.
-  return deterministicReduce(
-      own.size(), kGrain, 0.0,
+  normal.resize(count);
+  const double volume = deterministicReduce(
+      count, kGrain, 0.0,
       [&](std::size_t begin, std::size_t end) {
-        double value = 0;
-        for (std::size_t k = begin; k < end; ++k) {
-          const auto corners = ring(own[k]);
-          const auto regions = ringRegions(own[k]);
-          Vec3 sum = Vec3::Zero();
-          for (std::size_t i = 0; i < corners.size(); ++i) {
-            if (!alone && regions[i] != region) continue;
-            sum += (x[corners[i][0]] - o).cross(x[corners[i][1]] - o);
-          }
-          out[k] = sum / 6;
-          value += out[k].dot(x[own[k]] - o);
+        double sum = 0;
+        for (std::size_t t = begin; t < end; ++t) {
+          const Index* v = triangles_.data() + 3 * (first + t);
+          const Vec3 &a = x[v[0]], b = x[v[1]] - a, c = x[v[2]] - a;
+          normal[t] = b.cross(c);
+          sum += normal[t].dot(a - o);
         }
-        return value;
+        return sum;
       },
-      std::plus<>()) / 3;
+      std::plus<>()) / 6;
+  const bool alone = regionCount() == 1;
+  parallelFor(own.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      Vec3 sum = Vec3::Zero();
+      for (std::size_t i = cornerStart_[own[k]]; i < cornerStart_[own[k] + 1]; ++i)
+        if (alone || ringRegion_[i] == region) sum += normal[ringTriangle_[i] - first];
+      out[k] = sum / 6;
+    }
+  });
+  return volume;
 }
 
 void SurfaceVolume::hessianTimes(Points x, Points p, std::span<const double> weight, std::span<Vec3> out) const {

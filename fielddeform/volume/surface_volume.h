@@ -56,9 +56,10 @@ class SurfaceVolume {
   void gradient(Points x, std::span<const double> weight, std::span<Vec3> out) const;
   /// sum_r weight_r (d2V_r/dx2) p: the derivative of gradient() along p.
   void hessianTimes(Points x, Points p, std::span<const double> weight, std::span<Vec3> out) const;
-  /// V_r and dV_r/dx at the region's own vertices (vertices(r)) alone, in one pass.
-  /// @param out one a vertex of vertices(region), overwritten
-  double valueAndGradient(Points x, std::size_t region, std::span<Vec3> out) const;
+  /// V_r and dV_r/dx at the region's own vertices (vertices(r)) alone; at a rim that does not move, any number.
+  /// @param out      one a vertex of vertices(region), overwritten
+  /// @param scratch  resized; keep it from call to call
+  double valueAndGradient(Points x, std::size_t region, std::span<Vec3> out, std::vector<Vec3>& scratch) const;
   /// Coefficients c0 .. c3 of the cubic V_r(x + t d) in t, d a displacement.
   std::array<double, 4> alongLine(Points x, Points d, std::size_t region = 0) const;
 
@@ -70,7 +71,7 @@ class SurfaceVolume {
   // The two other vertices of each corner at a vertex, for gradients that are gathered in a fixed order.
   std::vector<std::size_t> cornerStart_;
   std::vector<std::array<Index, 2>> ring_;
-  std::vector<Index> ringRegion_;
+  std::vector<Index> ringRegion_, ringTriangle_;  ///< of each corner; the latter in the order of triangles_
   std::vector<std::size_t> vertexStart_;
   std::vector<Index> regionVertices_;
 };

@@ -68,6 +68,11 @@ mesh::Mesh torusOf(int triangles) {
   const int around = static_cast<int>(std::lround(std::sqrt(triangles)));
   return makeTorus(around, around / 2);
 }
+/// Turned from lying around z to standing around y.
+mesh::Mesh standing(mesh::Mesh torus) {
+  for (Vec3& p : torus.mutablePositions()) p = Vec3(p.x(), -p.z(), p.y());
+  return torus;
+}
 std::vector<mesh::Mesh> clubLevels(int rounds) {
   std::vector<mesh::Mesh> out;
   for (int r = 0; r < rounds; ++r) out.push_back(makeClub(r));
@@ -123,10 +128,12 @@ mesh::Mesh makeClub(int rounds) {
   return out;
 }
 
-VolumeCase torusCompression(int triangles, volume::Springs springs) {
-  const mesh::Mesh finest = torusOf(triangles);
-  VolumeCase c = atRest("torus compression", latticeAround(finest, {3, 3, 3}), finest, torusLevels(triangles), springs);
-  const double in = 0.25 * c.lattice.box.axes.col(2).norm();
+VolumeCase torusCompression(int triangles, volume::Springs springs, double share) {
+  const mesh::Mesh finest = standing(torusOf(triangles));
+  std::vector<mesh::Mesh> levels;
+  for (const mesh::Mesh& m : torusLevels(triangles)) levels.push_back(standing(m));
+  VolumeCase c = atRest("torus compression", latticeAround(finest, {3, 3, 3}), finest, levels, springs);
+  const double in = share * c.lattice.box.axes.col(2).norm();
   pose(
       c, [&](int, int, int k, const Vec3& p) { return Vec3(p + Vec3(0, 0, in * (1 - k))); }, [](int, int, int k) { return k != 1; });
   return c;

@@ -22,8 +22,8 @@ mesh::Mesh makeIcosphere(int rounds);
 /// The club: a sphere drawn out along x, one end thicker.
 mesh::Mesh makeClub(int rounds);
 
-/// Plate 1: 3x3x3; the top and bottom layers are moved in and pinned. @param triangles 4^k * 16 >= 64: 4096 in the paper
-VolumeCase torusCompression(int triangles = 4096, volume::Springs springs = volume::Springs::All);
+/// Plate 1: 3x3x3; the top and bottom layers are each moved in by a share of the height and pinned. @param triangles 4^k * 16 >= 64: 4096 in the paper
+VolumeCase torusCompression(int triangles = 4096, volume::Springs springs = volume::Springs::All, double share = 0.1);
 /// Plate 2: 5x2x2; the two layers at either end are moved out and pinned. 65536 triangles in the paper.
 VolumeCase torusStretch(int triangles = 65536, volume::Springs springs = volume::Springs::All);
 /// Plate 3: 5x2x2; the two left layers are drawn in and pinned. 20 * 4^rounds triangles, 20480 for 5.

@@ -4,6 +4,7 @@
 #include <fielddeform/volume/detail/mesh_model.h>
 #include <fielddeform/volume/detail/moments.h>
 
+#include <functional>
 #include <memory>
 
 namespace fielddeform::volume::detail {
@@ -24,6 +25,8 @@ class NodeConstraints {
   virtual void values(Points d, Vector& c) = 0;
   /// @param jacobian 3N by count(): column k is dc_k/dd
   virtual void derivatives(Points d, Vector& c, Matrix& jacobian) = 0;
+  /// c and sum_k w_k dc_k/dd, where the weights are made from c. The default goes by derivatives(). @param out N by 3
+  virtual void weightedGradient(Points d, const std::function<Vector(const Vector& c)>& weights, Vector& c, std::span<Vec3> out);
   /// h += Hessian of sum multiplier_k c_k. @param rows as for CubicForm::addHessian(), N
   virtual void addHessian(Points d, const Vector& multiplier, std::span<const Index> rows, Matrix& h) = 0;
   virtual void linearize(Points d, const Vector& multiplier) = 0;
@@ -39,9 +42,12 @@ class MeshConstraints final : public NodeConstraints {
   Eigen::Index count() const override { return count_; }
   void values(Points d, Vector& c) override;
   void derivatives(Points d, Vector& c, Matrix& jacobian) override;
+  void weightedGradient(Points d, const std::function<Vector(const Vector& c)>& weights, Vector& c, std::span<Vec3> out) override;
   void addHessian(Points d, const Vector& multiplier, std::span<const Index> rows, Matrix& h) override;
   void linearize(Points d, const Vector& multiplier) override;
   void hessianTimes(Points p, std::span<Vec3> out) override;
+  /// base + B d; kept until asked for another d.
+  const std::vector<Vec3>& positions(Points d);
   const MeshModel& model() const { return model_; }
   /// The one volume, if there is nothing else.
   std::optional<VolumeTarget> single() const {
@@ -56,8 +62,10 @@ class MeshConstraints final : public NodeConstraints {
   std::vector<MomentTarget> moments_;
   double size_;
   Eigen::Index count_ = 0;
-  std::vector<Vec3> x_, p_, g_, nodes_;
-  Vector multiplier_;
+  std::vector<Vec3> x_, p_, g_, nodes_, scratch_;
+  std::vector<Vec3> at_;  ///< the d of x_
+  Vector c_, multiplier_;
+  bool known_ = false;    ///< c_ is that of at_
 };
 
 /// Volumes by cubic forms, one a target; without moments.

@@ -1,25 +1,26 @@
 #pragma once
 
+#include <fielddeform/core/types.h>
+
 #include <cstddef>
 
+/// The inner loops over rows of a dense basis or form, in the processor's best vector instructions with the same bytes in all:
+/// sums run in four fixed lanes.
 namespace fielddeform::volume::detail {
 
 inline constexpr std::size_t kLanes = 4;
 inline std::size_t padded(std::size_t n) { return (n + kLanes - 1) / kLanes * kLanes; }
 
-/// Three dot products of one row with x, y, z in four fixed lanes. @param n a multiple of 4
-inline void dot3(const double* row, const double* x, const double* y, const double* z, std::size_t n, double* out) {
-  double a[kLanes] = {}, b[kLanes] = {}, c[kLanes] = {};
-  for (std::size_t i = 0; i < n; i += kLanes)
-    for (std::size_t l = 0; l < kLanes; ++l) {
-      const double r = row[i + l];
-      a[l] += r * x[i + l];
-      b[l] += r * y[i + l];
-      c[l] += r * z[i + l];
-    }
-  out[0] = (a[0] + a[2]) + (a[1] + a[3]);
-  out[1] = (b[0] + b[2]) + (b[1] + b[3]);
-  out[2] = (c[0] + c[2]) + (c[1] + c[3]);
-}
+/// out_r = row r times (x, y, z).
+/// @param rows     #R by stride, stride a multiple of kLanes
+/// @param columns  x, y, z, stride numbers each
+void dot3Rows(const double* rows, std::size_t stride, std::size_t count, const double* columns, Vec3* out);
+
+/// sums += row r of `rows` times g_r, coordinate by coordinate, in the order of r.
+/// @param index  row of each r, or null: r itself    @param sums  x, y, z, stride numbers each
+void addRows(const double* rows, std::size_t stride, const Index* index, std::size_t count, const Vec3* g, double* sums);
+
+/// w += a ^ b: a_j b_k - a_k b_j for j < k < n, in lexicographic order of (j, k).
+void addWedge(const double* a, const double* b, std::size_t n, double* w);
 
 }  // namespace fielddeform::volume::detail

@@ -1,5 +1,6 @@
 #include <fielddeform/volume/detail/constraints.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace fielddeform::volume::detail {
@@ -58,16 +59,36 @@ MeshConstraints::MeshConstraints(const MeshModel& model, std::vector<VolumeTarge
   for (const MomentTarget& m : moments_) count_ += countOf(m);
 }
 
+void NodeConstraints::weightedGradient(Points d, const std::function<Vector(const Vector&)>& weights, Vector& c, std::span<Vec3> out) {
+  Matrix jacobian;
+  derivatives(d, c, jacobian);
+  Eigen::Map<Vector>(out[0].data(), static_cast<Eigen::Index>(3 * out.size())) = jacobian * weights(c);
+}
+
+const std::vector<Vec3>& MeshConstraints::positions(Points d) {
+  if (x_.empty() || !std::equal(d.begin(), d.end(), at_.begin(), at_.end())) {
+    model_.positions(d, x_);
+    at_.assign(d.begin(), d.end());
+    known_ = false;
+  }
+  return x_;
+}
+
 void MeshConstraints::values(Points d, Vector& c) {
+  positions(d);
+  if (known_) {
+    c = c_;
+    return;
+  }
   ++evaluations;
   c.resize(count_);
-  model_.positions(d, x_);
   Eigen::Index k = 0;
   for (const VolumeTarget& v : volumes_) c[k++] = (model_.volume().value(x_, v.region) - v.target) / v.scale;
   for (const MomentTarget& m : moments_) {
     momentValues(m, regionTotals(model_.volume(), x_, m.region), model_.volume().centre(m.region), size_, c.data() + k);
     k += countOf(m);
   }
+  c_ = c, known_ = true;
 }
 
 void MeshConstraints::column(std::size_t region, Points g, Matrix& jacobian, Eigen::Index k) const {
@@ -78,12 +99,12 @@ void MeshConstraints::derivatives(Points d, Vector& c, Matrix& jacobian) {
   ++evaluations;
   c.resize(count_);
   jacobian.resize(static_cast<Eigen::Index>(3 * model_.nodes()), count_);
-  model_.positions(d, x_);
+  positions(d);
   const SurfaceVolume& surface = model_.volume();
   Eigen::Index k = 0;
   for (const VolumeTarget& v : volumes_) {
     g_.resize(surface.vertices(v.region).size());
-    c[k] = (surface.valueAndGradient(x_, v.region, g_) - v.target) / v.scale;
+    c[k] = (surface.valueAndGradient(x_, v.region, g_, scratch_) - v.target) / v.scale;
     column(v.region, g_, jacobian, k);
     jacobian.col(k++) /= v.scale;
   }
@@ -98,10 +119,43 @@ void MeshConstraints::derivatives(Points d, Vector& c, Matrix& jacobian) {
       column(m.region, g_, jacobian, k++);
     }
   }
+  c_ = c, known_ = true;
+}
+
+void MeshConstraints::weightedGradient(Points d, const std::function<Vector(const Vector&)>& weights, Vector& c, std::span<Vec3> out) {
+  const SurfaceVolume& surface = model_.volume();
+  const auto add = [&](std::size_t region, double factor) {
+    model_.gatherRegion(g_, region, nodes_);
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] += factor * nodes_[i];
+  };
+  for (Vec3& g : out) g.setZero();
+  if (volumes_.size() == 1 && moments_.empty()) {  // value and gradient in one pass
+    ++evaluations;
+    const VolumeTarget& v = volumes_[0];
+    positions(d);
+    g_.resize(surface.vertices(v.region).size());
+    c = Vector::Constant(1, (surface.valueAndGradient(x_, v.region, g_, scratch_) - v.target) / v.scale);
+    c_ = c, known_ = true;
+    return add(v.region, weights(c)[0] / v.scale);
+  }
+  values(d, c);
+  const Vector w = weights(c);
+  Eigen::Index k = 0;
+  for (const VolumeTarget& v : volumes_) {
+    g_.resize(surface.vertices(v.region).size());
+    surface.valueAndGradient(x_, v.region, g_, scratch_);
+    add(v.region, w[k++] / v.scale);
+  }
+  for (const MomentTarget& m : moments_) {
+    g_.resize(surface.vertices(m.region).size());
+    regionGradient(surface, x_, m.region, momentWeight(m, regionTotals(surface, x_, m.region), size_, w.data() + k), g_);
+    add(m.region, 1);
+    k += countOf(m);
+  }
 }
 
 void MeshConstraints::linearize(Points d, const Vector& multiplier) {
-  model_.positions(d, x_);
+  positions(d);
   multiplier_ = multiplier;
 }
 

@@ -68,35 +68,18 @@ void MeshModel::combine(Points p, std::vector<Vec3>& out) const {
   const auto stride = static_cast<std::size_t>(basis_->cols());
   const std::vector<double> column = columns(p, stride);
   parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v)
-      dot3(basis_->data() + v * stride, column.data(), column.data() + stride, column.data() + 2 * stride, stride, out[v].data());
+    dot3Rows(basis_->data() + begin * stride, stride, end - begin, column.data(), out.data() + begin);
   });
 }
 
-template <class Vertex>
-void MeshModel::gatherRows(std::size_t count, Points g, Vertex&& vertex, std::span<Vec3> out) const {
+void MeshModel::gatherRows(std::size_t count, const Index* vertex, Points g, std::span<Vec3> out) const {
   const auto stride = static_cast<std::size_t>(basis_->cols());
   const std::vector<double> sum = deterministicReduce(
       count, kGrain, std::vector<double>(),
       [&](std::size_t begin, std::size_t end) {
         std::vector<double> part(3 * stride, 0.0);
-        double *px = part.data(), *py = px + stride, *pz = py + stride;
-        std::size_t k = begin;
-        for (; k + 2 <= end; k += 2) {  // two rows at once: half the traffic with the sums
-          const double* a = basis_->data() + vertex(k) * stride;
-          const double* b = basis_->data() + vertex(k + 1) * stride;
-          const Vec3 &ga = g[k], &gb = g[k + 1];
-          const double ax = ga.x(), ay = ga.y(), az = ga.z(), bx = gb.x(), by = gb.y(), bz = gb.z();
-          for (std::size_t i = 0; i < stride; ++i) {
-            px[i] += a[i] * ax + b[i] * bx;
-            py[i] += a[i] * ay + b[i] * by;
-            pz[i] += a[i] * az + b[i] * bz;
-          }
-        }
-        for (; k < end; ++k) {
-          const double* a = basis_->data() + vertex(k) * stride;
-          for (std::size_t i = 0; i < stride; ++i) px[i] += a[i] * g[k].x(), py[i] += a[i] * g[k].y(), pz[i] += a[i] * g[k].z();
-        }
+        const double* rows = vertex ? basis_->data() : basis_->data() + begin * stride;
+        addRows(rows, stride, vertex ? vertex + begin : nullptr, end - begin, g.data() + begin, part.data());
         return part;
       },
       [](const std::vector<double>& a, const std::vector<double>& b) {
@@ -111,12 +94,13 @@ void MeshModel::gatherRows(std::size_t count, Points g, Vertex&& vertex, std::sp
 
 void MeshModel::gather(Points g, std::span<Vec3> out) const {
   if (!basis_) return map_->gather(*binding_, g, out);
-  gatherRows(g.size(), g, [](std::size_t k) { return k; }, out);
+  gatherRows(g.size(), nullptr, g, out);
 }
 
 void MeshModel::gatherRegion(Points g, std::size_t region, std::span<Vec3> out) const {
   const auto own = volume_.vertices(region);
-  if (basis_) return gatherRows(own.size(), g, [&](std::size_t k) { return std::size_t{own[k]}; }, out);
+  if (basis_) return gatherRows(own.size(), own.size() == base_.size() ? nullptr : own.data(), g, out);
+  if (own.size() == base_.size()) return map_->gather(*binding_, g, out);
   std::vector<Vec3> all(base_.size(), Vec3::Zero());
   for (std::size_t k = 0; k < own.size(); ++k) all[own[k]] = g[k];
   map_->gather(*binding_, all, out);

@@ -34,8 +34,7 @@ class MeshModel {
   void gatherRegion(Points g, std::size_t region, std::span<Vec3> out) const;
 
  private:
-  template <class Vertex>
-  void gatherRows(std::size_t count, Points g, Vertex&& vertex, std::span<Vec3> out) const;
+  void gatherRows(std::size_t count, const Index* vertex, Points g, std::span<Vec3> out) const;
 
   const map::LinearMap* map_ = nullptr;
   std::shared_ptr<const map::Binding> binding_;

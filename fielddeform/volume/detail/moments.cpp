@@ -1,5 +1,6 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/volume/detail/moments.h>
+#include <fielddeform/volume/moments.h>
 
 namespace fielddeform::volume::detail {
 namespace {
@@ -80,3 +81,19 @@ void regionGradient(const SurfaceVolume& surface, Points x, Points p, std::size_
 }
 
 }  // namespace fielddeform::volume::detail
+
+namespace fielddeform::volume {
+
+SolidMoments solidMoments(const SurfaceVolume& surface, Points x, std::size_t region) {
+  const auto t = detail::regionTotals(surface, x, region);
+  SolidMoments out;
+  out.volume = t.volume;
+  const Vec3 mean = Vec3(t.first[0], t.first[1], t.first[2]) / t.volume;
+  out.centre = surface.centre(region) + mean;
+  Mat3 second;
+  second << t.second[0], t.second[5], t.second[4], t.second[5], t.second[1], t.second[3], t.second[4], t.second[3], t.second[2];
+  out.spread = second / t.volume - mean * mean.transpose();
+  return out;
+}
+
+}  // namespace fielddeform::volume

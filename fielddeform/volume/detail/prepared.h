@@ -33,13 +33,18 @@ struct Solved {
   Eigen::VectorXd x;
   bool converged = false;
   double optimality = 0;
-  int iterations = 0, saddles = 0, fineEvaluations = 0;
+  int iterations = 0, saddles = 0;
   std::vector<StartReport> starts;
   std::vector<LevelReport> levels;
   std::string message;
 };
-Solved solveExact(const Prepared::Impl& impl, Points start, const Options& options, Progress& progress);
-Solved solveAugmentedLagrangian(const Prepared::Impl& impl, const Core& core, const Options& options, Progress& progress);
+/// @param fine  the constraints on the finest mesh; what they computed last is used again
+Solved solveExact(const Prepared::Impl& impl, Points start, MeshConstraints& fine, const Options& options, Progress& progress);
+Solved solveAugmentedLagrangian(const Prepared::Impl& impl, const Core& core, MeshConstraints& fine, const Options& options, Progress& progress);
+
+/// |C / N|: how far a level's share of its volume at d is from that of infinitely many triangles, by the level before;
+/// NaN for the first. [Hirota et al. 1999, section 4.2]
+double volumeError(const Prepared::Impl& impl, std::size_t level, Points d);
 
 /// Moves x onto the constraints of the finest mesh: along dV of the free nodes to the nearest root of the cubic where there is
 /// one volume and nothing else, else by Newton steps of least length.

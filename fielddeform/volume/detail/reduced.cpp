@@ -83,6 +83,17 @@ double Reduced::derivatives(const Vector& x, Vector& gradient, Vector& c, Matrix
   return energy;
 }
 
+double Reduced::weightedGradient(const Vector& x, const std::function<Vector(const Vector&)>& weights, Vector& gradient, Vector& c) {
+  if (mode_ == LinearMode::AsConstraints) return ConstrainedProblem::weightedGradient(x, weights, gradient, c);
+  core_.displacements(x, d_);
+  p_.resize(d_.size());
+  values_.weightedGradient(d_, weights, c, p_);
+  const double energy = energyGradient(gradient);
+  for (std::size_t k = 0; k < core_.free.size(); ++k) gradient.segment<3>(3 * static_cast<Eigen::Index>(k)) += core_.size * p_[core_.free[k]];
+  core_.projectLinear(gradient);
+  return energy;
+}
+
 SparseMatrix Reduced::freeHessian(Points d) const {
   const SparseMatrix all = core_.problem->energy->hessian(d);
   const double unit = core_.size * core_.size / core_.energyUnit;

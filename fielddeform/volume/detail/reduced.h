@@ -51,6 +51,7 @@ class Reduced final : public numeric::ConstrainedProblem {
   Eigen::Index constraints() const override;
   double values(const Vector& x, Vector& c) override;
   double derivatives(const Vector& x, Vector& gradient, Vector& c, Matrix& jacobian) override;
+  double weightedGradient(const Vector& x, const std::function<Vector(const Vector& c)>& weights, Vector& gradient, Vector& c) override;
   void hessian(const Vector& x, const Vector& multiplier, Matrix& h) override;
   void linearize(const Vector& x, const Vector& multiplier) override;
   void hessianTimes(const Vector& p, Vector& out) override;

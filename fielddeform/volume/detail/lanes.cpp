@@ -1,0 +1,132 @@
+#include <fielddeform/core/detail/simd.h>
+#include <fielddeform/volume/detail/lanes.h>
+
+namespace fielddeform::volume::detail {
+namespace {
+
+using fielddeform::detail::SimdLevel;
+using fielddeform::detail::simdLevel;
+
+typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
+typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+
+// By way of a class: a template argument loses its attributes.
+struct Baseline {
+  using Pack = Two;
+};
+struct Avx2 {
+  using Pack = Four;
+};
+
+#define PACK(pointer) (*reinterpret_cast<const Pack*>(pointer))
+#define PACK_OUT(pointer) (*reinterpret_cast<Pack*>(pointer))
+
+struct DotTask {
+  const double* rows;
+  std::size_t stride, count;
+  const double* columns;
+  Vec3* out;
+};
+
+template <class L>
+FIELDDEFORM_SIMD_INLINE void dotKernel(const DotTask& t) {
+  using Pack = typename L::Pack;
+  constexpr std::size_t lanes = sizeof(Pack) / 8, packs = kLanes / lanes;
+  const std::size_t stride = t.stride;
+  const double *x = t.columns, *y = x + stride, *z = y + stride, *row = t.rows;
+  for (std::size_t r = 0; r < t.count; ++r, row += stride) {
+    Pack a[packs] = {}, b[packs] = {}, c[packs] = {};
+    for (std::size_t i = 0; i < stride; i += kLanes)
+      for (std::size_t k = 0; k < packs; ++k) {
+        const std::size_t at = i + k * lanes;
+        const Pack w = PACK(row + at);
+        a[k] += w * PACK(x + at);
+        b[k] += w * PACK(y + at);
+        c[k] += w * PACK(z + at);
+      }
+    double lane[3][kLanes];
+    for (std::size_t k = 0; k < packs; ++k) PACK_OUT(lane[0] + k * lanes) = a[k], PACK_OUT(lane[1] + k * lanes) = b[k], PACK_OUT(lane[2] + k * lanes) = c[k];
+    double* out = reinterpret_cast<double*>(t.out + r);
+    for (std::size_t d = 0; d < 3; ++d) out[d] = (lane[d][0] + lane[d][2]) + (lane[d][1] + lane[d][3]);
+  }
+}
+
+struct AddTask {
+  const double* rows;
+  std::size_t stride;
+  const Index* index;
+  std::size_t count;
+  const Vec3* g;
+  double* sums;
+};
+
+/// Two rows at once: half the traffic with the sums, and the same order of additions for each number.
+template <class L>
+FIELDDEFORM_SIMD_INLINE void addKernel(const AddTask& t) {
+  using Pack = typename L::Pack;
+  constexpr std::size_t lanes = sizeof(Pack) / 8;
+  const std::size_t stride = t.stride;
+  double *x = t.sums, *y = x + stride, *z = y + stride;
+  const double* g = reinterpret_cast<const double*>(t.g);
+  std::size_t r = 0;
+  for (; r + 2 <= t.count; r += 2) {
+    const double* a = t.rows + (t.index ? t.index[r] : r) * stride;
+    const double* b = t.rows + (t.index ? t.index[r + 1] : r + 1) * stride;
+    const double ax = g[3 * r], ay = g[3 * r + 1], az = g[3 * r + 2], bx = g[3 * r + 3], by = g[3 * r + 4], bz = g[3 * r + 5];
+    for (std::size_t i = 0; i < stride; i += lanes) {
+      const Pack p = PACK(a + i), q = PACK(b + i);
+      PACK_OUT(x + i) = (PACK(x + i) + p * ax) + q * bx;
+      PACK_OUT(y + i) = (PACK(y + i) + p * ay) + q * by;
+      PACK_OUT(z + i) = (PACK(z + i) + p * az) + q * bz;
+    }
+  }
+  for (; r < t.count; ++r) {
+    const double* a = t.rows + (t.index ? t.index[r] : r) * stride;
+    for (std::size_t i = 0; i < stride; i += lanes) {
+      const Pack p = PACK(a + i);
+      PACK_OUT(x + i) = PACK(x + i) + p * g[3 * r];
+      PACK_OUT(y + i) = PACK(y + i) + p * g[3 * r + 1];
+      PACK_OUT(z + i) = PACK(z + i) + p * g[3 * r + 2];
+    }
+  }
+}
+
+template <class L>
+FIELDDEFORM_SIMD_INLINE void wedgeKernel(const double* a, const double* b, std::size_t n, double* w) {
+  using Pack = typename L::Pack;
+  constexpr std::size_t lanes = sizeof(Pack) / 8;
+  for (std::size_t j = 0; j + 1 < n; ++j) {
+    const double aj = a[j], bj = b[j];
+    const double *ak = a + j + 1, *bk = b + j + 1;
+    const std::size_t count = n - j - 1;
+    std::size_t k = 0;
+    for (; k + lanes <= count; k += lanes) PACK_OUT(w + k) = PACK(w + k) + (aj * PACK(bk + k) - PACK(ak + k) * bj);
+    for (; k < count; ++k) w[k] = w[k] + (aj * bk[k] - ak[k] * bj);
+    w += count;
+  }
+}
+
+void dotBaseline(const DotTask& t) { dotKernel<Baseline>(t); }
+FIELDDEFORM_SIMD_AVX2 void dotAvx2(const DotTask& t) { dotKernel<Avx2>(t); }
+void addBaseline(const AddTask& t) { addKernel<Baseline>(t); }
+FIELDDEFORM_SIMD_AVX2 void addAvx2(const AddTask& t) { addKernel<Avx2>(t); }
+void wedgeBaseline(const double* a, const double* b, std::size_t n, double* w) { wedgeKernel<Baseline>(a, b, n, w); }
+FIELDDEFORM_SIMD_AVX2 void wedgeAvx2(const double* a, const double* b, std::size_t n, double* w) { wedgeKernel<Avx2>(a, b, n, w); }
+
+}  // namespace
+
+void dot3Rows(const double* rows, std::size_t stride, std::size_t count, const double* columns, Vec3* out) {
+  const DotTask task{rows, stride, count, columns, out};
+  simdLevel() == SimdLevel::Baseline ? dotBaseline(task) : dotAvx2(task);
+}
+
+void addRows(const double* rows, std::size_t stride, const Index* index, std::size_t count, const Vec3* g, double* sums) {
+  const AddTask task{rows, stride, index, count, g, sums};
+  simdLevel() == SimdLevel::Baseline ? addBaseline(task) : addAvx2(task);
+}
+
+void addWedge(const double* a, const double* b, std::size_t n, double* w) {
+  simdLevel() == SimdLevel::Baseline ? wedgeBaseline(a, b, n, w) : wedgeAvx2(a, b, n, w);
+}
+
+}  // namespace fielddeform::volume::detail
