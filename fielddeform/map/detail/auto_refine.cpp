@@ -11,6 +11,7 @@ namespace fielddeform::map::detail {
 namespace {
 
 constexpr double kSmallestPiece = 1e-6;  // of the box: no piece is divided below
+constexpr double kTame = 0.02;           // share of the largest row that a row must add to count as free of the others
 constexpr double kGain = 0.05;           // share of the squared misses that a refinement of one axis must take away
 
 Workpiece apply(const Workpiece& piece, int axis, const AxisRefinement& refinement) {
@@ -120,8 +121,15 @@ std::optional<Workpiece> refineWhereItFails(const Workpiece& piece, std::span<co
   return out;
 }
 
-Solved solveRefining(const Workpiece& piece, const Targets& targets, const ManipulationOptions& options, std::size_t maxNodes,
+Solved solveRefining(const Workpiece& piece, const Targets& targets, const ManipulationOptions& given, std::size_t maxNodes,
                      Progress& progress) {
+  // With nodes to spare, what only large changes could meet is better met by more nodes.
+  ManipulationOptions options = given;
+  if (maxNodes > 0) {
+    options.solver.rankTolerance = std::max(options.solver.rankTolerance, kTame);
+    options.solver.maxIterations = std::min(options.solver.maxIterations, 200);
+    options.solver.fallbackWork = std::min(options.solver.fallbackWork, 5e8);
+  }
   Attempt now = attempt(piece, targets, options);
   Solved out;
   while (now.result.report.unmet > 0) {
