@@ -118,6 +118,7 @@ void movesToJson(const Lattice& l, JsonWriter& json) {
 Lattice parseJson(std::string text, const std::filesystem::path& path) {
   const JsonDocument document = JsonDocument::parse(std::move(text), path);
   document.requireFormat(kFormatName, 1);
+  if (const auto sculpt = document.root().find("sculpt")) sculpt->fail("", "no \"sculpt\" in a lattice file, only in a scene");
   return latticeFromJson(document.root());
 }
 
@@ -149,7 +150,7 @@ void latticeBoxToJson(const LatticeBox& box, JsonWriter& json) {
 }
 
 Lattice latticeFromJson(const JsonValue& object) {
-  object.allowKeys({"format", "version", "box", "axes", "outside", "displacements", "moves"});
+  object.allowKeys({"format", "version", "box", "axes", "outside", "displacements", "moves", "sculpt"});
   Lattice l;
   if (const auto box = given(object, "box")) l.box = latticeBoxFromJson(*box);
   const JsonValue axes = object.require("axes");

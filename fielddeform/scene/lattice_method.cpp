@@ -1,6 +1,8 @@
 // A scene by lattices, one after the other, as a method of scene::run().
 #include <fielddeform/map/chain.h>
 #include <fielddeform/map/lattice_io.h>
+#include <fielddeform/map/targets_file.h>
+#include <fielddeform/mesh/topology.h>
 #include <fielddeform/scene/detail/method.h>
 #include <fmt/format.h>
 
@@ -81,8 +83,12 @@ class LatticeMethod final : public Method {
 
   void prepare(const mesh::Mesh& mesh) override {
     std::vector<Vec3> points = mesh.positions();
+    if (scene_.output.affectedAttribute) affected_.assign(points.size(), 0.0f);
     for (const LatticeStep& step : scene_.lattices) {
-      maps_.push_back(std::make_shared<const map::LatticeMap>(latticeOf(step, points)));
+      map::Lattice lattice = latticeOf(step, points);
+      if (!step.sculpt.moves.empty()) lattice = sculpted(std::move(lattice), step.sculpt, mesh, points);
+      maps_.push_back(std::make_shared<const map::LatticeMap>(std::move(lattice)));
+      if (!affected_.empty()) markAffected(*maps_.back(), points);
       if (maps_.size() == scene_.lattices.size()) break;
       Progress silent;
       maps_.back()->apply(*maps_.back()->bind(points), {.position = points, .safe = {}, .status = {}, .residual = {}}, silent);
@@ -95,6 +101,8 @@ class LatticeMethod final : public Method {
   Posed track(const mesh::Mesh&, std::vector<std::string>& warnings, Progress& progress) override {
     Posed posed = applied(*chain_, *binding_, progress);
     binding_.reset();
+    for (const map::MoveReport& move : moves_)
+      if (!move.advice.empty()) warnings.push_back(move.advice);
     if (std::all_of(maps_.begin(), maps_.end(), [](const auto& m) { return isStill(*m); }))
       warnings.push_back("no node of the lattice was moved: nothing was deformed");
     return posed;
@@ -105,11 +113,16 @@ class LatticeMethod final : public Method {
     return resample::refine(mesh, *chain_, options, progress);
   }
 
-  void describe(Report& report) const override { report.method = "lattice"; }
+  void describe(Report& report) const override {
+    report.method = "lattice";
+    report.moves = moves_;
+  }
+
+  std::vector<float> affected() const override { return affected_; }
 
   void resolve(Scene& scene) const override {
     scene.lattices.clear();
-    for (const auto& map : maps_) scene.lattices.push_back({map->lattice(), false});
+    for (const auto& map : maps_) scene.lattices.push_back({map->lattice(), false, {}});
   }
 
   // Of one lattice whose edges can still be told apart.
@@ -137,6 +150,43 @@ class LatticeMethod final : public Method {
   }
 
  private:
+  map::Lattice sculpted(map::Lattice lattice, const Sculpt& sculpt, const mesh::Mesh& mesh, std::vector<Vec3> points) {
+    map::SculptOptions options;
+    options.maxNodes = sculpt.maxNodes;
+    options.solve.tolerance = sculpt.tolerance;
+    if (!sculpt.pins.empty()) options.pinnedPoints = map::readPins(sculpt.pins, points);
+    std::vector<map::Move> moves;
+    bool presses = false;
+    for (const map::MoveSpec& move : sculpt.moves) {
+      moves.push_back(map::loadMove(move, points));
+      presses = presses || std::holds_alternative<map::Press>(moves.back());
+    }
+    if (presses) addMiddles(mesh, points);
+    Progress silent;
+    map::Sculpted result = map::sculpt(std::move(lattice), points, moves, options, silent);
+    moves_.insert(moves_.end(), result.moves.begin(), result.moves.end());
+    return std::move(result.lattice);
+  }
+
+  // Between its vertices the surface may still cut into a tool: the middles of its edges and faces are kept out, too.
+  static void addMiddles(const mesh::Mesh& mesh, std::vector<Vec3>& points) {
+    const mesh::EdgeTable edges(mesh);
+    points.reserve(points.size() + edges.size() + mesh.faceCount());
+    for (std::size_t e = 0; e < edges.size(); ++e) points.push_back(0.5 * (points[edges.vertices(e)[0]] + points[edges.vertices(e)[1]]));
+    for (std::size_t f = 0; f < mesh.faceCount(); ++f) {
+      const auto corners = mesh.face(f);
+      Vec3 sum = Vec3::Zero();
+      for (const Index v : corners) sum += points[v];
+      points.push_back(sum / static_cast<double>(corners.size()));
+    }
+  }
+
+  void markAffected(const map::LatticeMap& map, Points points) {
+    const std::vector<Vec3> still(map.nodeCount(), Vec3::Zero());
+    const std::vector<float> share = map::affectedRegion(map, *map.bind(points), still, map.displacements());
+    for (std::size_t v = 0; v < affected_.size(); ++v) affected_[v] = std::max(affected_[v], share[v]);
+  }
+
   static bool isStill(const map::LatticeMap& map) {
     const Points moved = map.displacements();
     return std::all_of(moved.begin(), moved.end(), [](const Vec3& d) { return d.isZero(0); });
@@ -150,6 +200,8 @@ class LatticeMethod final : public Method {
   }
 
   const Scene& scene_;
+  std::vector<map::MoveReport> moves_;
+  std::vector<float> affected_;  // #V, if it is wanted
   std::vector<std::shared_ptr<const map::LatticeMap>> maps_;
   std::optional<map::Chain> chain_;
   std::shared_ptr<const map::Binding> binding_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <fielddeform/map/sculpt.h>
 #include <fielddeform/core/status.h>
 #include <fielddeform/volume/local.h>
 
@@ -64,6 +65,7 @@ struct Report {
   VolumeReport volume;
   std::size_t insertedVertices = 0;
   MaxAndP99 stretch;                  ///< edge length after / before
+  std::vector<map::MoveReport> moves{};  ///< of sculpted lattices, in their order
   std::vector<std::string> warnings;  ///< sentences
   RunFacts run;
 };

@@ -39,6 +39,7 @@ class Runner {
     stage(method_->preparation(), [&] { method_->prepare(mesh_); });
     stage("bind", [&] { method_->bind(mesh_); });
     stage("track", [&] { posed_ = method_->track(mesh_, result_.report.warnings, progress_); });
+    if (scene_.output.affectedAttribute) markAffected();
     if (scene_.resample) stage("resample", [&] { resample(); });
     if (!mask_.empty()) applyMask(mask_, mesh_.positions(), posed_.position, posed_.status, posed_.residual);
     if (scene_.volume) stage("volume", [&] { preserveVolume(); });
@@ -120,6 +121,17 @@ class Runner {
     if (!refined.report.message.empty()) warn(refined.report.message);
     takeBack(kMaskName, mask_);
     takeBack(kVolumeMaskName, volumeMask_);
+  }
+
+  // Rides along as an attribute, so that inserted vertices get theirs.
+  void markAffected() {
+    mesh::Attribute attribute;
+    attribute.name = "affected";
+    std::vector<float> share = method_->affected();
+    if (share.empty()) return warn("the attribute \"affected\" is of lattices: not written");
+    attribute.data = std::move(share);
+    std::erase_if(mesh_.attributes(), [](const mesh::Attribute& a) { return a.on == mesh::Element::Vertex && a.name == "affected"; });
+    mesh_.attributes().push_back(std::move(attribute));
   }
 
   void carry(const char* name, const std::vector<double>& values) {

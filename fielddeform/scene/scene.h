@@ -2,6 +2,7 @@
 
 #include <fielddeform/gffd/options.h>
 #include <fielddeform/map/lattice.h>
+#include <fielddeform/map/move_io.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/resample/refine.h>
 #include <fielddeform/skeleton/edit.h>
@@ -56,10 +57,19 @@ struct LatticeRule {
   std::vector<Move> moves{};                  ///< several of one node add up
 };
 
+/// Points of the mesh that a lattice is to move: its nodes follow by map::sculpt(), which may refine it.
+struct Sculpt {
+  std::vector<map::MoveSpec> moves{};         ///< one after the other
+  std::filesystem::path pins{};               ///< map::readPins(): points that may not move; empty: none
+  std::size_t maxNodes = 0;                   ///< up to which the lattice may be refined; 0: not
+  double tolerance = 1e-9;                    ///< what targets may miss, share of the lattice's size, > 0
+};
+
 /// One lattice of a scene: a file, the lattice itself, or a rule.
 struct LatticeStep {
   std::variant<std::filesystem::path, map::Lattice, LatticeRule> source;
   bool fit = false;                           ///< carry the lattice over to the box of this mesh, displacements included
+  Sculpt sculpt{};                            ///< on top of its displacements
 };
 
 enum class Axis : std::uint8_t { X, Y, Z };
@@ -87,6 +97,7 @@ struct Output {
   bool statusAttribute = false;             ///< vertex attribute "status": 0 fixed, 1 converged, 2 limited, 3 stalled, 4 invalid
   bool residualAttribute = false;           ///< vertex attribute "residual", world units
   bool displacementAttribute = false;       ///< vertex attribute "displacement", 3 wide, world units
+  bool affectedAttribute = false;           ///< vertex attribute "affected": share in [0, 1] that moved lattice nodes carry
   int frames = 0;                           ///< 0: the result alone; n >= 2: that many files from the input (t = 0) to the result (t = 1)
 };
 

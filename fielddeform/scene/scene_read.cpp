@@ -89,7 +89,7 @@ std::array<int, 3> readNodeNumbers(const JsonValue& value, std::uint64_t low, st
 }
 
 LatticeRule readLatticeRule(const JsonValue& object) {
-  object.allowKeys({"nodes", "basis", "degree", "border", "box", "padding", "outside", "moves"});
+  object.allowKeys({"nodes", "basis", "degree", "border", "box", "padding", "outside", "moves", "sculpt"});
   LatticeRule rule;
   rule.nodes = readNodeNumbers(object.require("nodes"), 2, kMaxAxisNodes);
   if (const auto word = given(object, "basis")) rule.basis = static_cast<map::BasisKind>(word->word({"bernstein", "bspline"}));
@@ -110,13 +110,25 @@ LatticeRule readLatticeRule(const JsonValue& object) {
   return rule;
 }
 
+Sculpt readSculpt(const JsonValue& object, const fs::path& folder) {
+  object.allowKeys({"moves", "pins", "refine", "tolerance"});
+  Sculpt sculpt;
+  const JsonValue moves = object.require("moves");
+  for (const JsonValue move : moves.array()) sculpt.moves.push_back(map::moveFromJson(move, folder));
+  if (sculpt.moves.empty()) moves.fail("no moves", "at least one");
+  if (const auto pins = given(object, "pins")) sculpt.pins = readPath(*pins, folder);
+  if (const auto refine = given(object, "refine")) sculpt.maxNodes = static_cast<std::size_t>(refine->integer(0, 1u << 24));
+  if (const auto tolerance = given(object, "tolerance")) sculpt.tolerance = tolerance->positive();
+  return sculpt;
+}
+
 // A file's path, {"file": PATH, "fit": true}, a lattice itself ("axes" among its keys), or a rule.
 LatticeStep readLatticeStep(const JsonValue& value, const fs::path& folder) {
-  if (value.kind() == JsonKind::String) return {readPath(value, folder), false};
+  if (value.kind() == JsonKind::String) return {readPath(value, folder), false, {}};
   if (value.kind() != JsonKind::Object) value.fail("", "a file's path, a lattice, or a rule that makes one");
   LatticeStep step;
   if (const auto file = value.find("file")) {
-    value.allowKeys({"file", "fit"});
+    value.allowKeys({"file", "fit", "sculpt"});
     step.source = readPath(*file, folder);
     setFlag(value, "fit", step.fit);
   } else if (value.find("axes")) {
@@ -124,6 +136,7 @@ LatticeStep readLatticeStep(const JsonValue& value, const fs::path& folder) {
   } else {
     step.source = readLatticeRule(value);
   }
+  if (const auto sculpt = given(value, "sculpt")) step.sculpt = readSculpt(*sculpt, folder);
   return step;
 }
 
@@ -196,8 +209,11 @@ void readOutput(const JsonValue& object, const fs::path& folder, Output& output)
     output.normals = static_cast<Normals>(word->word({"turn", "recompute", "keep"}));
   if (const auto list = given(object, "attributes")) {
     for (const JsonValue item : list->array()) {
-      const std::size_t which = item.word({"status", "residual", "displacement"});
-      (which == 0 ? output.statusAttribute : which == 1 ? output.residualAttribute : output.displacementAttribute) = true;
+      const std::size_t which = item.word({"status", "residual", "displacement", "affected"});
+      (which == 0   ? output.statusAttribute
+       : which == 1 ? output.residualAttribute
+       : which == 2 ? output.displacementAttribute
+                    : output.affectedAttribute) = true;
     }
   }
   if (const auto n = given(object, "frames")) {

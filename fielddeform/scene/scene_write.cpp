@@ -61,8 +61,18 @@ void writeSkeletons(JsonWriter& json, const Scene& scene, const fs::path* folder
   json.end();
 }
 
+void writeSculpt(JsonWriter& json, const Sculpt& sculpt, const fs::path* folder) {
+  if (sculpt.moves.empty()) return;
+  const auto text = [&](const fs::path& path) { return folder ? pathText(path, *folder) : std::string(); };
+  json.key("sculpt").beginObject().key("moves").beginArray();
+  for (const map::MoveSpec& move : sculpt.moves) map::moveToJson(move, json, text);
+  json.end();
+  if (!sculpt.pins.empty()) json.member("pins", text(sculpt.pins));
+  json.member("refine", sculpt.maxNodes).member("tolerance", sculpt.tolerance).end();
+}
+
 void writeLatticeRule(JsonWriter& json, const LatticeRule& rule) {
-  json.beginObject().key("nodes").beginArray(JsonLayout::Inline);
+  json.key("nodes").beginArray(JsonLayout::Inline);
   for (const int n : rule.nodes) json.value(n);
   json.end().member("basis", rule.basis == map::BasisKind::BSpline ? "bspline" : "bernstein");
   json.member("degree", rule.degree).member("border", kBorders[static_cast<std::size_t>(rule.border)]).key("box");
@@ -75,24 +85,26 @@ void writeLatticeRule(JsonWriter& json, const LatticeRule& rule) {
     for (const int n : move.node) json.value(n);
     json.end().member("by", move.by).end();
   }
-  json.end().end();
+  json.end();
 }
 
 void writeLattices(JsonWriter& json, const Scene& scene, const fs::path* folder) {
   json.key("lattices").beginArray();
   for (const LatticeStep& step : scene.lattices) {
+    const bool file = std::holds_alternative<fs::path>(step.source);
+    json.beginObject(file && step.sculpt.moves.empty() ? JsonLayout::Inline : JsonLayout::Lines);
     if (const auto* lattice = std::get_if<map::Lattice>(&step.source)) {
-      json.beginObject();
       map::latticeToJson(*lattice, json);
-      json.end();
     } else if (const auto* rule = std::get_if<LatticeRule>(&step.source)) {
       writeLatticeRule(json, *rule);
     } else {
-      json.beginObject(JsonLayout::Inline).key("file");
+      json.key("file");
       if (folder) json.value(pathText(std::get<fs::path>(step.source), *folder));
       else json.null();
-      json.member("fit", step.fit).end();
+      json.member("fit", step.fit);
     }
+    writeSculpt(json, step.sculpt, folder);
+    json.end();
   }
   json.end();
 }
@@ -145,6 +157,7 @@ void writeOutput(JsonWriter& json, const Output& output, const fs::path* folder)
   if (output.statusAttribute) json.value("status");
   if (output.residualAttribute) json.value("residual");
   if (output.displacementAttribute) json.value("displacement");
+  if (output.affectedAttribute) json.value("affected");
   json.end();
   if (output.frames > 0) json.member("frames", output.frames);
   json.end();

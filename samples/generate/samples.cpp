@@ -9,6 +9,7 @@
 
 #include "figures.h"
 #include "hirota.h"
+#include "hsu.h"
 #include "shapes.h"
 
 namespace fielddeform::samples {
@@ -99,6 +100,13 @@ const std::vector<Sample>& samples() {
       {"quadruped", "quadruped.obj", "standing animal in place of Hirota's cow", [](const path& p) { write(quadruped(), p); }},
       {"pitcher", "pitcher.obj", "pitcher of bicubic patches: wall, lip, handle (Hirota's)",
        [](const path& p) { write(pitcher(12), p); }},
+      {"block", "block.obj", "block of squares (Hsu's)", [](const path& p) { write(block(60), p); }},
+      {"ball-tool", "ball-tool.obj", "ball that dips into the block (Hsu's)",
+       [](const path& p) { write(ball(Vec3(0, 0.75, 0), 0.55, 64), p); }},
+      {"ball", "ball.obj", "ball to be pressed (Hsu's)", [](const path& p) { write(ball(Vec3::Zero(), 1, 96), p); }},
+      {"egg", "egg.obj", "elongated sphere for a bust (Hsu's)", [](const path& p) { write(egg(160), p); }},
+      {"ring", "ring.obj", "finger ring with straight prongs (Hsu's)", [](const path& p) { write(prongRing(), p); }},
+      {"stone", "stone.obj", "the stone that the prongs are to hold (Hsu's)", [](const path& p) { write(stone(), p); }},
   };
   return list;
 }

@@ -127,5 +127,36 @@ TEST_F(LatticeCommand, WrongUseIsRefused) {
   refused(out + std::vector<std::string>{"--lattice", "a.json", "--lattice", "b.json", "--moved", "c.obj"}, 2, "--moved");
 }
 
+TEST_F(LatticeCommand, PointsAreMovedToTheirTargets) {
+  writeFile(folder / "pairs.csv", "x,y,z,tx,ty,tz\n0,0,0,0.5,0,0\n0.25,0.25,4,0.25,0.25,4\n");
+  done({"--nodes", "4,4,6", "--basis", "bspline", "--targets", "pairs.csv", "--attributes", "affected", "--report", "r.json",
+        "--save-lattice", "l.json", "-o", "out.ply"});
+  EXPECT_NE(read("out.ply").find("\n0.5 0 0 200 0 30"), std::string::npos) << read("out.ply").substr(0, 600);
+  EXPECT_NE(read("out.ply").find("affected"), std::string::npos);
+  EXPECT_NE(read("r.json").find("\"met\": 2"), std::string::npos) << read("r.json");
+  // The lattice that was found gives the same again.
+  done({"--lattice", "l.json", "-o", "again.ply"});
+  EXPECT_NE(read("again.ply").find("\n0.5 0 0 200 0 30"), std::string::npos);
+}
+
+TEST_F(LatticeCommand, ToolsPinsAndRefinementAreTaken) {
+  writeFile(folder / "pins.csv", "0,0,0\n");
+  done({"--nodes", "4,4,8", "--basis", "bspline", "--magnet", "0,0,4,1,0.2,0,0", "--suction", "0,0,2,0,0,1,1,0.1,0,0", "--press",
+        "plane=0,0,3.9,0,0,-1", "--pins", "pins.csv", "--refine", "4000", "--target-tolerance", "1e-6", "--report", "r.json", "-o", "out.ply"});
+  for (const char* word : {"magnet", "suction", "press", "penetrating"})
+    EXPECT_NE(read("r.json").find(word), std::string::npos) << word;
+}
+
+TEST_F(LatticeCommand, MistakesOfMovingPointsAreNamed) {
+  writeFile(folder / "pairs.csv", "1,2,3\n");
+  refused({"--nodes", "2,2,2", "--targets", "pairs.csv", "-o", "out.ply"}, 1, "pairs.csv:1");
+  refused({"--nodes", "2,2,2", "--targets", "none.csv", "-o", "out.ply"}, 1, "none.csv");
+  refused({"--nodes", "2,2,2", "--magnet", "0,0,0,0,1,1,1", "-o", "out.ply"}, 2, "--magnet");
+  refused({"--nodes", "2,2,2", "--suction", "0,0,0,0,0,0,1,1,1,1", "-o", "out.ply"}, 2, "--suction");
+  refused({"--nodes", "2,2,2", "--press", "plane=1,2,3", "-o", "out.ply"}, 2, "--press");
+  refused({"--nodes", "2,2,2", "--press", "bar.csv", "-o", "out.ply"}, 1, "bar.csv");
+  refused({"--nodes", "2,2,2", "--pins", "pins.csv", "-o", "out.ply"}, 2, "--pins");
+}
+
 }  // namespace
 }  // namespace fielddeform::cli_test

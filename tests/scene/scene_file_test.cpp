@@ -92,6 +92,29 @@ TEST(SceneFile, LatticesAreFilesRulesOrTheLatticeItself) {
   EXPECT_EQ(std::get<map::Lattice>(scene.lattices[3].source).nodeCount(), 12u);
 }
 
+TEST(SceneFile, LatticesMayFollowPoints) {
+  const std::string sculpt = R"("sculpt": {"moves": [{"op": "targets", "file": "pairs.csv"}, {"op": "press", "point": [0, 0, 1], "normal": [0, 0, -1]}],
+    "pins": "pins.csv", "refine": 500, "tolerance": 1e-6})";
+  for (const char* place : {"\"fit\": true", "\"outside\": \"keep\"", "\"moves\": [{\"node\": [1, 1, 2], \"by\": [0.1, 0, 0]}]"}) {
+    const Scene scene = parseScene(replaced(kLattices, place, place + (", " + sculpt)), "folder/scene.json");
+    int found = 0;
+    for (const LatticeStep& step : scene.lattices) {
+      if (step.sculpt.moves.empty()) continue;
+      ++found;
+      ASSERT_EQ(step.sculpt.moves.size(), 2u);
+      EXPECT_EQ(std::get<map::TargetsFile>(step.sculpt.moves[0]).path, "folder/pairs.csv");
+      EXPECT_EQ(step.sculpt.pins, "folder/pins.csv");
+      EXPECT_EQ(step.sculpt.maxNodes, 500u);
+      EXPECT_EQ(step.sculpt.tolerance, 1e-6);
+    }
+    EXPECT_EQ(found, 1);
+    const std::string once = formatScene(scene, "folder");
+    EXPECT_EQ(formatScene(parseScene(once, "folder/scene.json"), "folder"), once);
+  }
+  EXPECT_NE(problemOf(replaced(kLattices, "\"fit\": true", "\"fit\": true, \"sculpt\": {\"moves\": []}")), "");
+  EXPECT_NE(problemOf(replaced(kLattices, "\"fit\": true", "\"fit\": true, \"sculpt\": {\"moves\": [{\"op\": \"magic\"}]}")), "");
+}
+
 TEST(SceneFile, KeysOfTheOtherMethodAreRefused) {
   EXPECT_NE(problemOf(replaced(kLattices, "\"output\"", "\"edits\": [], \"output\"")).find("no such key with the method"),
             std::string::npos);

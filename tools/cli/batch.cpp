@@ -94,6 +94,15 @@ std::string volumeText(const scene::VolumeReport& v) {
   return text;
 }
 
+std::string moveText(const map::MoveReport& m) {
+  const std::string nodes = m.refinements > 0 ? fmt::format(", refined to {} x {} x {} nodes", m.nodes[0], m.nodes[1], m.nodes[2]) : "";
+  if (m.kind == "press")
+    return fmt::format("{} points inside by up to {:.3g}, then {} by up to {:.3g}, in {} rounds{}", m.vertices, m.deepestBefore,
+                       m.penetrating, m.deepestAfter, m.rounds, nodes);
+  return fmt::format("{} points: {} met, {} unmet by up to {:.3g}, {} outside{}", m.vertices, m.solve.met, m.solve.unmet,
+                     m.solve.largestMiss, m.solve.outside, nodes);
+}
+
 void printResult(const Job& job, const scene::RunResult& result, Terminal& terminal) {
   const scene::Report& r = result.report;
   const auto row = [&](std::string_view name, const std::string& value) { terminal.print(fmt::format("  {:<10}{}", name, value)); };
@@ -105,6 +114,7 @@ void printResult(const Job& job, const scene::RunResult& result, Terminal& termi
     row("radius", fmt::format("{:.6g}{}", r.referenceRadius, result.radiusWasAutomatic ? " (automatic)" : ""));
     row("residual", fmt::format("{:.3g} at most, tolerance {:.3g}", r.residual.max, r.tolerance));
   }
+  for (const map::MoveReport& move : r.moves) row(move.kind, moveText(move));
   row("folds", fmt::format("{} ({} in the input), {} faces flipped", r.foldsAfter, r.foldsBefore, r.flipped));
   row("stretch", fmt::format("{:.3f} at most", r.stretch.max));
   row("volume", volumeText(r.volume));
@@ -207,8 +217,10 @@ int runBatch(BatchOptions& options, Terminal& terminal) {
   if (!options.report.empty()) scene.output.report = options.report;
   if (!options.picture.empty()) scene.output.picture = options.picture;
   for (const std::string& name : options.attributes)
-    (name == "status" ? scene.output.statusAttribute
-                      : name == "residual" ? scene.output.residualAttribute : scene.output.displacementAttribute) = true;
+    (name == "status"     ? scene.output.statusAttribute
+     : name == "residual" ? scene.output.residualAttribute
+     : name == "affected" ? scene.output.affectedAttribute
+                          : scene.output.displacementAttribute) = true;
   if (options.resample) scene.resample = options.resampleOptions;
   if (options.volume) scene.volume = volumePassOf(options);
   if (options.check) scene.check = options.checkOptions;

@@ -17,6 +17,7 @@ struct LatticeOptions {
   std::string moved, save;
   bool fit = false;
   scene::LatticeRule rule;
+  scene::Sculpt sculpt;
   std::vector<CLI::Option*> ofRule, ofFiles;  // the options that say nothing without --nodes, without --lattice
 };
 
@@ -98,6 +99,60 @@ CLI::Option* addRule(CLI::App& command, LatticeOptions& o) {
   return nodes;
 }
 
+// "X,Y,Z,..." of a tool.
+std::vector<double> toolNumbers(const std::string& option, const std::string& text, std::size_t count, std::size_t radiusAt) {
+  auto n = parseNumbers(option, text, count);
+  if (!(n[radiusAt] > 0)) throw CLI::ConversionError(fmt::format("{}: the radius {}, expected one > 0", option, n[radiusAt]));
+  return n;
+}
+
+void requireDirection(const std::string& option, const Vec3& v) {
+  if (!(v.stableNorm() > 0)) throw CLI::ConversionError(fmt::format("{}: expected a direction that is not all 0", option));
+}
+
+map::MoveSpec magnetOf(const std::string& text) {
+  const auto n = toolNumbers("--magnet", text, 7, 3);
+  return map::Magnet{.centre = Vec3(n[0], n[1], n[2]), .radius = n[3], .by = Vec3(n[4], n[5], n[6])};
+}
+
+map::MoveSpec cupOf(const std::string& text) {
+  const auto n = toolNumbers("--suction", text, 10, 6);
+  const Vec3 axis(n[3], n[4], n[5]);
+  requireDirection("--suction", axis);
+  return map::SuctionCup{.centre = Vec3(n[0], n[1], n[2]), .axis = axis, .radius = n[6], .by = Vec3(n[7], n[8], n[9])};
+}
+
+// "plane=X,Y,Z,NX,NY,NZ" or a mesh file.
+map::MoveSpec pressOf(const std::string& text) {
+  constexpr std::string_view kPlane = "plane=";
+  if (!text.starts_with(kPlane)) return map::PressFile{text};
+  const auto n = parseNumbers("--press", text.substr(kPlane.size()), 6);
+  const Vec3 normal(n[3], n[4], n[5]);
+  requireDirection("--press", normal);
+  return map::PressPlane{Vec3(n[0], n[1], n[2]), normal};
+}
+
+void addTools(CLI::App& command, LatticeOptions& o) {
+  const char* group = "Moving points";
+  scene::Sculpt& s = o.sculpt;
+  // One option after the other in the order of the command line is not kept by the parser: targets, magnets, cups, presses.
+  const auto add = [&](const char* name, const char* type, const char* help, map::MoveSpec (*make)(const std::string&)) {
+    command.add_option_function<std::vector<std::string>>(
+               name, [&s, make](const std::vector<std::string>& texts) { for (const auto& t : texts) s.moves.push_back(make(t)); }, help)
+        ->type_name(type)->allow_extra_args(false)->group(group);
+  };
+  add("--targets", "CSV", "Points and where they go, a row each: x,y,z,tx,ty,tz or vertex,tx,ty,tz, and a weight if wanted; may be repeated",
+      [](const std::string& t) -> map::MoveSpec { return map::TargetsFile{t}; });
+  add("--magnet", "X,Y,Z,R,DX,DY,DZ", "Pull what lies within R of a point, most at its middle; may be repeated", magnetOf);
+  add("--suction", "X,Y,Z,NX,NY,NZ,R,DX,DY,DZ", "Move a disc of radius R as one piece; may be repeated", cupOf);
+  add("--press", "plane=X,Y,Z,NX,NY,NZ|MESH", "Push the object out of a half space or a closed mesh; may be repeated", pressOf);
+  command.add_option("--pins", s.pins, "Points that may not move, a row each: x,y,z or a vertex")->type_name("CSV")->group(group);
+  command.add_option("--refine", s.maxNodes, "Add nodes where points miss their targets, up to N in all (default: 0, none)")
+      ->type_name("N")->check(within(0, 16777216))->group(group);
+  command.add_option("--target-tolerance", s.tolerance, "What a target may miss, share of the lattice's size (default: 1e-9)")
+      ->type_name("SHARE")->check(within(1e-15, 1))->group(group);
+}
+
 void finish(LatticeOptions& o, bool byRule) {
   scene::Scene& scene = o.batch.scene;
   for (const CLI::Option* option : byRule ? o.ofFiles : o.ofRule)
@@ -107,8 +162,11 @@ void finish(LatticeOptions& o, bool byRule) {
   if (!o.moved.empty() && o.files.size() != 1) throw CLI::ValidationError("--moved: expected one --lattice");
   if (!o.save.empty() && o.batch.meshes.size() != 1) throw CLI::ValidationError("--save-lattice: expected one mesh");
   if (!o.save.empty() && o.files.size() > 1) throw CLI::ValidationError("--save-lattice: expected one lattice");
-  if (byRule) scene.lattices.push_back({o.rule, false});
-  for (const std::string& file : o.files) scene.lattices.push_back({std::filesystem::path(file), o.fit});
+  if (byRule) scene.lattices.push_back({o.rule, false, {}});
+  for (const std::string& file : o.files) scene.lattices.push_back({std::filesystem::path(file), o.fit, {}});
+  if (o.sculpt.moves.empty() && (!o.sculpt.pins.empty() || o.sculpt.maxNodes > 0))
+    throw CLI::ValidationError("--pins, --refine: expected only with --targets, --magnet, --suction or --press");
+  scene.lattices.back().sculpt = o.sculpt;
   if (!o.save.empty())
     o.batch.done = [&o](const scene::RunResult& result) {
       map::writeLattice(std::get<map::Lattice>(result.resolved.lattices.at(0).source), o.save);
@@ -127,6 +185,7 @@ void addLattice(CLI::App& app, Session& session) {
   auto* command = app.add_subcommand("lattice", "Deform meshes by a lattice of nodes around them");
   CLI::Option* nodes = addRule(*command, *options);
   addFiles(*command, *options);
+  addTools(*command, *options);
   command->add_option("--save-lattice", options->save, "Write the lattice, to be moved in a modeller (.obj) or used again")
       ->type_name("FILE")->group("Output");
   addBatchOptions(*command, session, options->batch, true, Method::Lattice);

@@ -133,7 +133,7 @@ void addEditing(CLI::App& command, BatchOptions& options, Method method) {
       ->group(group);
 }
 
-void addOutput(CLI::App& command, BatchOptions& options) {
+void addOutput(CLI::App& command, BatchOptions& options, Method method) {
   const char* group = "Output";
   scene::Output& output = options.scene.output;
   command.add_option("--report", options.report, "Write a JSON report (of several meshes: a folder)")
@@ -146,8 +146,10 @@ void addOutput(CLI::App& command, BatchOptions& options) {
   addWord(command, "--normals", {"turn", "recompute", "keep"},
           [&output](std::size_t i) { output.normals = static_cast<scene::Normals>(i); },
           "What becomes of normals in the input (default: turn, with the surface)")->group(group);
-  command.add_option("--attributes", options.attributes, "Vertex attributes to add: status, residual, displacement")
-      ->type_name("LIST")->delimiter(',')->check(oneOf({"status", "residual", "displacement"}))
+  command.add_option("--attributes", options.attributes, method == Method::Lattice ? "Vertex attributes to add: status, residual, displacement, affected"
+                                              : "Vertex attributes to add: status, residual, displacement")
+      ->type_name("LIST")->delimiter(',')->check(method == Method::Lattice ? oneOf({"status", "residual", "displacement", "affected"})
+                                        : oneOf({"status", "residual", "displacement"}))
       ->allow_extra_args(false)->group(group);
   command.add_option("--frames", output.frames, "Write a sequence of N meshes from the input to the result")
       ->type_name("N")->check(within(2, 100000))->group(group);
@@ -191,7 +193,7 @@ void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options,
   if (method == Method::Skeleton) addTracking(command, options.scene.tracking);
   addResampling(command, options, method);
   addVolume(command, options);
-  addOutput(command, options);
+  addOutput(command, options, method);
   addCheck(command, options, method);
   addThreads(command, session);
 }

@@ -27,6 +27,8 @@ class Method {
   virtual void prepare(const mesh::Mesh& mesh) = 0;
   /// Makes the choices that look at the mesh, and binds it.
   virtual void bind(const mesh::Mesh& mesh) = 0;
+  /// #V: the share of each vertex that nodes carry which were moved; empty for methods without nodes.
+  virtual std::vector<float> affected() const { return {}; }
   /// Deforms the bound mesh; forgets its binding.
   virtual Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) = 0;
   /// Refines the mesh under the map.
