@@ -74,7 +74,9 @@ struct GffdMap::Impl {
   bool unedited() const { return allMatched(resolved.skeletons); }
 
   void makeWarp() {
-    const detail::WarpPairs pairs = detail::warpPairs(resolved.skeletons);
+    // Eq (5) by itself is to carry a rigid edit exactly; the naive frames belong to Fig. 5.
+    const auto frames = resolved.options.corrector ? detail::FramePoints::Naive : detail::FramePoints::Straight;
+    const detail::WarpPairs pairs = detail::warpPairs(resolved.skeletons, frames, kWarpCentres);
     if (pairs.rest.empty())
       throw std::invalid_argument("track is 'warp', but no primitive has corresponding points; expected at least one pair");
     if (pairs.rest.size() > kWarpCentres)

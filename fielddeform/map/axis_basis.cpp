@@ -66,29 +66,36 @@ double rootNearBorder(double x) {
 
 }  // namespace
 
+std::string_view toString(BasisKind kind) noexcept { return kind == BasisKind::Bernstein ? "bernstein" : "bspline"; }
+
+std::string_view toString(Border border) noexcept {
+  return border == Border::Coincident ? "coincident" : border == Border::Free ? "free" : "knots";
+}
+
 AxisBasis AxisBasis::bernstein(int nodes) {
   requireNodes(nodes);
   AxisBasis b;
   b.nodes_ = nodes;
   b.degree_ = nodes - 1;
-  b.border_ = Border::Coincident;
-  for (int i = 0; i < nodes; ++i) b.rest_.push_back(static_cast<double>(i) / (nodes - 1));
+  if (b.degree_ > 3) return b;
+  Piece piece;
+  // s^3, 3 s^2 (1 - s), and their mirror images
+  piece.power = nodes == 2 ? Powers{{{0, 0}, {1, 1}}}
+              : nodes == 3 ? Powers{{{0, 0, 0}, {0, 2, 0}, {1, -2, 1}}}
+                           : Powers{{{0, 0, 0, 0}, {0, 0, 0, 0}, {0, 3, 3, 0}, {1, -3, -3, 1}}};
+  b.pieces_.push_back(piece);
   return b;
 }
 
-// Inner segments k = 0 .. segments - 1 of unit length in the parameter x = u * scale_, the first beginning at x = firstAt.
-void AxisBasis::makeUniformPieces(int segments, double firstAt, int firstNode) {
-  const double scale = border_ == Border::Free ? nodes_ - degree_ : nodes_ - 1;
-  const Powers powers = uniformPowers(degree_);
-  for (int k = 0; k < segments; ++k) {
-    Piece piece;
-    piece.from = (firstAt + k) / scale;
-    piece.scale = scale;
-    piece.shift = firstAt + k;
-    piece.first = firstNode + k;
-    piece.power = powers;
-    pieces_.push_back(piece);
-  }
+// The inner segments, each one node spacing long, the first beginning at u = firstAt spacings.
+void AxisBasis::makeUniformPiece(double firstAt) {
+  Piece piece;
+  piece.segments = nodes_ - degree_;
+  piece.scale = border_ == Border::Free ? nodes_ - degree_ : nodes_ - 1;
+  piece.from = firstAt / piece.scale;
+  piece.shift = firstAt;
+  piece.power = uniformPowers(degree_);
+  pieces_.push_back(piece);
 }
 
 // What stands outside the inner segments [Hsu et al. 1992, section 3]: with the outer node d0 repeated, the outermost
@@ -104,8 +111,8 @@ void AxisBasis::makeCoincidentEnds() {
   right.from = (scale - outer) / scale;
   leftRoot.from = outer / scale;
   rightRoot.from = (scale - 1) / scale;
-  leftRoot.parameter = Parameter::RootLeft;
-  rightRoot.parameter = Parameter::RootRight;
+  leftRoot.parameter = Piece::Parameter::RootLeft;
+  rightRoot.parameter = Piece::Parameter::RootRight;
   left.power = cubic ? Powers{{{0, 1}, {1, -1}}} : Powers{{{0, 0}, {1, 1}}};
   right.power = cubic ? Powers{{{0, 0, 1, 0}, {0, 0, -1, 1}}} : Powers{{{0, 1, 0}, {0, -1, 1}}};
   leftRoot.power = {{{s, 4 * s, 0}, {0.5, 0, 0}, {0.5, -1, 0}, {-2 * s, 0.5, s}}};
@@ -128,17 +135,8 @@ AxisBasis AxisBasis::bspline(int nodes, int degree, Border border) {
   b.border_ = border;
   b.nodes_ = nodes;
   const int p = b.degree_ = std::min(degree, nodes - 1);
-  const int controls = border == Border::Coincident ? nodes + 2 * (p - 1) : nodes;
-  for (int i = 0; i < controls + p + 1; ++i) b.knots_.push_back(i);
-  if (border == Border::Coincident) {
-    for (int i = 0; i < nodes; ++i) b.rest_.push_back(static_cast<double>(i) / (nodes - 1));
-    if (p == 1) b.makeUniformPieces(nodes - 1, 0, 0);
-    else b.makeUniformPieces(nodes - p, p == 3 ? 1 : 0.5, 0);
-    if (p > 1) b.makeCoincidentEnds();
-  } else {
-    for (int i = 0; i < nodes; ++i) b.rest_.push_back((i - 0.5 * (p - 1)) / (nodes - p));
-    b.makeUniformPieces(nodes - p, 0, 0);
-  }
+  b.makeUniformPiece(border == Border::Free || p == 1 ? 0 : p == 2 ? 0.5 : 1);
+  if (border == Border::Coincident && p > 1) b.makeCoincidentEnds();
   return b;
 }
 
@@ -161,6 +159,7 @@ AxisBasis AxisBasis::withKnots(int degree, std::vector<double> knots) {
       throw std::invalid_argument(fmt::format("knots: {} more than {} times, must be at most the degree", knots[i], degree));
   AxisBasis b;
   b.kind_ = BasisKind::BSpline;
+  b.border_ = Border::Knots;
   b.degree_ = degree;
   b.nodes_ = static_cast<int>(nodes);
   // Halves, as the difference of two numbers may be beyond double.
@@ -194,8 +193,20 @@ Border AxisBasis::border() const noexcept { return border_; }
 int AxisBasis::degree() const noexcept { return degree_; }
 int AxisBasis::nodes() const noexcept { return nodes_; }
 int AxisBasis::support() const noexcept { return degree_ + 1; }
-const std::vector<double>& AxisBasis::knots() const noexcept { return knots_; }
-double AxisBasis::restNode(int i) const { return rest_.at(static_cast<std::size_t>(i)); }
+
+std::vector<double> AxisBasis::knots() const {
+  if (kind_ == BasisKind::Bernstein || border_ == Border::Knots) return knots_;
+  const int controls = border_ == Border::Coincident ? nodes_ + 2 * (degree_ - 1) : nodes_;
+  std::vector<double> uniform;
+  for (int i = 0; i < controls + degree_ + 1; ++i) uniform.push_back(i);
+  return uniform;
+}
+
+double AxisBasis::restNode(int i) const {
+  if (i < 0 || i >= nodes_) throw std::invalid_argument(fmt::format("node: {}, must be in [0, {}]", i, nodes_ - 1));
+  if (border_ == Border::Knots) return rest_[static_cast<std::size_t>(i)];
+  return border_ == Border::Free ? (i - 0.5 * (degree_ - 1)) / (nodes_ - degree_) : static_cast<double>(i) / (nodes_ - 1);
+}
 
 bool AxisBasis::operator==(const AxisBasis& o) const {
   return kind_ == o.kind_ && border_ == o.border_ && degree_ == o.degree_ && nodes_ == o.nodes_ && knots_ == o.knots_;
@@ -210,6 +221,8 @@ AxisBasis::Values AxisBasis::evaluate(double u) const {
 }
 
 namespace {
+
+double clamped(double u) { return u > 0 ? std::min(u, 1.0) : 0; }  // no number at all: 0
 
 // All Bernstein polynomials of a degree, by de Casteljau's recurrence: sums of products of numbers in [0, 1].
 void bernsteinWeights(int degree, double u, double* w, double* slope) {
@@ -227,28 +240,44 @@ void bernsteinWeights(int degree, double u, double* w, double* slope) {
 }  // namespace
 
 int AxisBasis::evaluate(double u, double* weight, double* slope) const {
-  u = u > 0 ? std::min(u, 1.0) : 0;  // and no number at all: 0
-  if (kind_ == BasisKind::Bernstein) {
-    bernsteinWeights(degree_, u, weight, slope);
+  if (pieces_.empty()) {
+    bernsteinWeights(degree_, clamped(u), weight, slope);
     return 0;
   }
+  const Place place = locate(u);
+  evaluate(place, weight, slope);
+  return place.first;
+}
+
+AxisBasis::Place AxisBasis::locate(double u) const {
+  u = clamped(u);
   auto it = std::upper_bound(pieces_.begin() + 1, pieces_.end(), u, [](double x, const Piece& p) { return x < p.from; });
   const Piece& piece = *--it;
-  double t = (u - piece.origin) * piece.scale - piece.shift, rise = piece.scale;
-  if (piece.parameter != Parameter::Straight) {
-    const bool left = piece.parameter == Parameter::RootLeft;
-    const double root = rootNearBorder(left ? t : -t);
+  Place place;
+  place.piece = static_cast<int>(it - pieces_.begin());
+  double t = (u - piece.origin) * piece.scale - piece.shift;
+  if (piece.parameter == Piece::Parameter::RootLeft) t = rootNearBorder(t);
+  if (piece.parameter == Piece::Parameter::RootRight) t = 1 - rootNearBorder(-t);
+  const int segment = piece.segments == 1 ? 0 : std::clamp(static_cast<int>(t), 0, piece.segments - 1);
+  place.first = piece.first + segment;
+  place.t = t - segment;
+  return place;
+}
+
+void AxisBasis::evaluate(const Place& place, double* weight, double* slope) const {
+  const Piece& piece = pieces_[static_cast<std::size_t>(place.piece)];
+  double rise = piece.scale;
+  if (piece.parameter != Piece::Parameter::Straight) {
+    const double root = piece.parameter == Piece::Parameter::RootLeft ? place.t : 1 - place.t;
     rise /= 0.5 * ((2 - root) * root + 1);
-    t = left ? root : 1 - root;
   }
   for (int k = 0; k <= degree_; ++k) {
     const bool leftHalf = 2 * k < degree_;
-    const double x = leftHalf ? 1 - t : t;
+    const double x = leftHalf ? 1 - place.t : place.t;
     const auto c = [&](int m) { return piece.power[m][k]; };
     weight[k] = ((c(3) * x + c(2)) * x + c(1)) * x + c(0);
     if (slope) slope[k] = ((3 * c(3) * x + 2 * c(2)) * x + c(1)) * (leftHalf ? -rise : rise);
   }
-  return piece.first;
 }
 
 }  // namespace fielddeform::map

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 namespace fielddeform::map {
@@ -17,6 +18,9 @@ enum class Border : std::uint8_t {
   Free,        ///< every node counts once: the outer nodes stand outside the box
   Knots,       ///< as the given knots say
 };
+
+std::string_view toString(BasisKind kind) noexcept;   ///< "bernstein", "bspline"
+std::string_view toString(Border border) noexcept;    ///< "coincident", "free", "knots"
 
 /// The functions along one axis of a lattice, over the box coordinate u in [0, 1] ("lattice uvw"). Linear precision:
 /// sum_i phi_i(u) restNode(i) = u and sum_i phi_i(u) = 1 for every u in [0, 1].
@@ -41,7 +45,7 @@ class AxisBasis {
   /// Functions that do not vanish at one point at most: nodes() for Bernstein, degree + 1 for B-splines.
   int support() const noexcept;
   /// Empty for Bernstein. Of a coincident border: uniform, over the nodes with the outer ones repeated `degree` times.
-  const std::vector<double>& knots() const noexcept;
+  std::vector<double> knots() const;
   double restNode(int i) const;                       ///< box coordinate of node i
 
   struct Values {
@@ -57,26 +61,36 @@ class AxisBasis {
 
   bool operator==(const AxisBasis& other) const;
 
- private:
-  // One polynomial piece. Functions of the left half (2k < degree) are polynomials of 1 - t, the others of t, so that none
-  // suffers cancellation: weight_k = sum_m power[m][k] (1 - t or t)^m.
-  enum class Parameter : std::uint8_t { Straight, RootLeft, RootRight };
+  // For kernels. Axes of degree <= 3 consist of polynomial pieces (equal ones are kept once, so that memory does not grow
+  // with a uniform axis). Functions of the left half (2k < degree) are polynomials of 1 - t, the others of t, so that none
+  // suffers cancellation: weight_k = sum_m power[m][k] x^m, x = 1 - t or t.
   struct Piece {
-    double from = 0;                          // the u where it begins
-    double origin = 0, scale = 1, shift = 0;  // x = (u - origin) scale - shift
-    Parameter parameter = Parameter::Straight;  // t = x; or the root of 1 + 3t + 3t^2 - t^3 = 6x, from the left or right
-    int first = 0;
+    enum class Parameter : std::uint8_t { Straight, RootLeft, RootRight };
+    double from = 0;                            // the u where it begins
+    double origin = 0, scale = 1, shift = 0;    // t = (u - origin) scale - shift, less the segment's number in the piece
+    Parameter parameter = Parameter::Straight;  // or t = the root of 1 + 3t + 3t^2 - t^3 = 6x, x counted from the left or right
+    int first = 0;                              // node of weight 0 in its first segment
+    int segments = 1;
     std::array<std::array<double, 4>, 4> power{};
   };
+  const std::vector<Piece>& pieces() const noexcept { return pieces_; }  // none above degree 3
+  struct Place {
+    int piece = 0, first = 0;
+    double t = 0;
+  };
+  Place locate(double u) const;  // clamps; degree <= 3
+  void evaluate(const Place& place, double* weight, double* slope) const;
+
+ private:
   AxisBasis() = default;
-  void makeUniformPieces(int segments, double firstAt, int firstNode);
+  void makeUniformPiece(double firstAt);
   void makeCoincidentEnds();
   BasisKind kind_ = BasisKind::Bernstein;
-  Border border_ = Border::Knots;
+  Border border_ = Border::Coincident;
   int degree_ = 1;
   int nodes_ = 2;
-  std::vector<double> knots_, rest_;
-  std::vector<Piece> pieces_;  // ascending; none for Bernstein
+  std::vector<double> knots_, rest_;  // of given knots only
+  std::vector<Piece> pieces_;
 };
 
 }  // namespace fielddeform::map

@@ -96,6 +96,24 @@ LatticeBox fitOrientedBox(Points points, double padding) {
   return box;
 }
 
+std::string_view toString(Outside outside) noexcept { return outside == Outside::Extend ? "extend" : "keep"; }
+
+Lattice refit(Lattice lattice, const LatticeBox& box) {
+  lattice.validate();
+  box.validate();
+  if (box.axes != lattice.box.axes) {
+    // Powers of two first, so that determinants stay in range.
+    const int from = std::clamp(std::ilogb(lattice.box.axes.cwiseAbs().maxCoeff()), -1022, 1022);
+    const int to = std::clamp(std::ilogb(box.axes.cwiseAbs().maxCoeff()), -1022, 1022);
+    const Mat3 inverse = Mat3(lattice.box.axes * std::ldexp(1.0, -from)).inverse(), axes = box.axes * std::ldexp(1.0, -to);
+    for (Vec3& d : lattice.displacements)
+      if (d != Vec3::Zero()) d = Vec3(axes * (inverse * Vec3(d * std::ldexp(1.0, -from)))) * std::ldexp(1.0, to);
+  }
+  lattice.box = box;
+  lattice.validate();
+  return lattice;
+}
+
 std::array<int, 3> Lattice::nodes() const noexcept { return {axis[0].nodes(), axis[1].nodes(), axis[2].nodes()}; }
 
 std::size_t Lattice::nodeCount() const noexcept {

@@ -7,6 +7,10 @@
 
 namespace fielddeform::map {
 
+namespace detail {
+class LatticeModel;
+}
+
 /// An affine box: world x = origin + axes * (u, v, w), u, v, w in [0, 1] inside. Either handedness, any angles.
 struct LatticeBox {
   Vec3 origin = Vec3::Zero();
@@ -14,6 +18,7 @@ struct LatticeBox {
 
   /// @throw std::invalid_argument if not finite or the edges are (nearly) coplanar
   void validate() const;
+  bool operator==(const LatticeBox& other) const { return origin == other.origin && axes == other.axes; }
 };
 
 /// The smallest box along the axes x, y, z, or an oriented one along the principal axes, with `padding` (share of the
@@ -29,6 +34,8 @@ enum class Outside : std::uint8_t {
            ///< of the whole map, F(c) + J(c)(u - c) at the clamped c, would be broken where two faces' outsides meet)
   Keep,    ///< left where they are: the map jumps at the box
 };
+
+std::string_view toString(Outside outside) noexcept;  ///< "extend", "keep"
 
 /// A lattice as data: what its file holds.
 struct Lattice {
@@ -46,6 +53,11 @@ struct Lattice {
   /// @throw std::invalid_argument
   void validate() const;
 };
+
+/// The lattice carried over to another box, displacements included: they keep their box coordinates, so that one lattice
+/// serves objects of other places, sizes and proportions. The same bits if the boxes have the same edges.
+/// @throw std::invalid_argument if the lattice or the box is not valid
+Lattice refit(Lattice lattice, const LatticeBox& box);
 
 /// Free-form deformation by a lattice. [Sederberg & Parry 1986; Griessmair & Purgathofer 1989; Hsu et al. 1992]
 /// Statuses: Fixed where the displacement is exactly zero (no node of the support was moved, or kept outside): the input
@@ -80,9 +92,7 @@ class LatticeMap final : public LinearMap {
   std::unique_ptr<LinearMap> withDisplacements(Points displacements) const override;
 
  private:
-  class Bound;
-  struct Model;
-  std::shared_ptr<const Model> model_;
+  std::shared_ptr<const detail::LatticeModel> model_;
   std::shared_ptr<const std::vector<Vec3>> displacements_;
 };
 

@@ -1,6 +1,6 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
-#include <fielddeform/map/lattice.h>
+#include <fielddeform/map/detail/lattice_model.h>
 #include <fmt/format.h>
 
 #include <Eigen/LU>
@@ -11,162 +11,93 @@
 namespace fielddeform::map {
 namespace {
 
-constexpr std::size_t kGrain = 1024;
-constexpr std::size_t kGatherChunks = 32;          // of points, each with sums of its own
-constexpr std::size_t kGatherMemory = 64u << 20;   // bytes that these may take; else the points are added one after another
+using detail::Cell;
+using detail::kBlock;
+using detail::LatticeBinding;
+using detail::LatticeModel;
+using detail::PointKind;
 
-// The functions that do not vanish at one point, axis by axis.
-struct Local {
-  std::array<int, 3> first{};
-  std::array<std::vector<double>, 3> weight, slope;
+constexpr std::size_t kGrain = 32 * kBlock;
+constexpr std::size_t kGatherChunks = 32;         // of points, each with sums of its own
+constexpr std::size_t kGatherMemory = 64u << 20;  // bytes that these may take; else the nodes are cut into slabs
 
-  explicit Local(const std::array<AxisBasis, 3>& axes) {
-    for (int a = 0; a < 3; ++a) {
-      weight[a].resize(static_cast<std::size_t>(axes[a].support()));
-      slope[a].resize(weight[a].size());
-    }
-  }
-  std::size_t support(int a) const { return weight[a].size(); }
-};
-
-}  // namespace
-
-struct LatticeMap::Model {
-  Lattice lattice;  // without displacements
-  std::vector<Vec3> rest;
-  Mat3 toBox = Mat3::Identity();  // of world differences; times 2^-exponent
-  int exponent = 0;
-
-  explicit Model(const Lattice& l);
-  // Box coordinates of a point, and whether it is moved at all.
-  Vec3 boxPoint(const Vec3& x) const { return toBox * ((x - lattice.box.origin) * std::ldexp(1.0, -exponent)); }
-  Mat3 boxDerivative() const { return toBox * std::ldexp(1.0, -exponent); }
-  bool locate(const Vec3& x, Local& local) const;
-  Vec3 combine(const Local& local, const Vec3* values) const;
-  Mat3 derivative(const Local& local, const Vec3* values) const;  // by box coordinates
-  void scatter(const Local& local, const Vec3& value, Vec3* sums) const;
-  std::size_t row(const Local& local, std::size_t j, std::size_t k) const {
-    const auto n = lattice.nodes();
-    return static_cast<std::size_t>(local.first[0]) +
-           static_cast<std::size_t>(n[0]) * (static_cast<std::size_t>(local.first[1]) + j +
-                                             static_cast<std::size_t>(n[1]) * (static_cast<std::size_t>(local.first[2]) + k));
-  }
-};
-
-LatticeMap::Model::Model(const Lattice& l) {
-  l.validate();
-  lattice = l;
-  lattice.displacements.clear();
-  rest = l.restNodes();
-  for (const Vec3& p : rest)
-    if (!p.allFinite()) throw std::invalid_argument("box: a rest node is beyond double");
-  // A power of two first, so that the determinant stays in range.
-  exponent = std::clamp(std::ilogb(l.box.axes.cwiseAbs().maxCoeff()), -1022, 1022);
-  toBox = Mat3(l.box.axes * std::ldexp(1.0, -exponent)).inverse();
+const LatticeBinding& boundBy(const Binding& binding, const std::shared_ptr<const LatticeModel>& model) {
+  const auto* bound = dynamic_cast<const LatticeBinding*>(&binding);
+  if (!bound || bound->model != model) throw std::invalid_argument("binding: not of this lattice");
+  return *bound;
 }
-
-bool LatticeMap::Model::locate(const Vec3& x, Local& local) const {
-  const Vec3 u = boxPoint(x);
-  if (!u.allFinite()) return false;
-  for (int a = 0; a < 3; ++a) {
-    const double c = std::clamp(u[a], 0.0, 1.0);
-    if (c != u[a] && lattice.outside == Outside::Keep) return false;
-    local.first[a] = lattice.axis[a].evaluate(c, local.weight[a].data(), local.slope[a].data());
-    if (c != u[a])
-      for (std::size_t k = 0; k < local.support(a); ++k) local.weight[a][k] += local.slope[a][k] * (u[a] - c);
-  }
-  return true;
-}
-
-Vec3 LatticeMap::Model::combine(const Local& l, const Vec3* values) const {
-  Vec3 sum = Vec3::Zero();
-  for (std::size_t k = 0; k < l.support(2); ++k)
-    for (std::size_t j = 0; j < l.support(1); ++j) {
-      const Vec3* v = values + row(l, j, k);
-      Vec3 line = Vec3::Zero();
-      for (std::size_t i = 0; i < l.support(0); ++i) line += l.weight[0][i] * v[i];
-      sum += (l.weight[1][j] * l.weight[2][k]) * line;
-    }
-  return sum;
-}
-
-Mat3 LatticeMap::Model::derivative(const Local& l, const Vec3* values) const {
-  Mat3 d = Mat3::Zero();
-  for (std::size_t k = 0; k < l.support(2); ++k)
-    for (std::size_t j = 0; j < l.support(1); ++j) {
-      const Vec3* v = values + row(l, j, k);
-      Vec3 line = Vec3::Zero(), rise = Vec3::Zero();
-      for (std::size_t i = 0; i < l.support(0); ++i) {
-        line += l.weight[0][i] * v[i];
-        rise += l.slope[0][i] * v[i];
-      }
-      d.col(0) += (l.weight[1][j] * l.weight[2][k]) * rise;
-      d.col(1) += (l.slope[1][j] * l.weight[2][k]) * line;
-      d.col(2) += (l.weight[1][j] * l.slope[2][k]) * line;
-    }
-  return d;
-}
-
-void LatticeMap::Model::scatter(const Local& l, const Vec3& value, Vec3* sums) const {
-  for (std::size_t k = 0; k < l.support(2); ++k)
-    for (std::size_t j = 0; j < l.support(1); ++j) {
-      Vec3* s = sums + row(l, j, k);
-      const Vec3 v = (l.weight[1][j] * l.weight[2][k]) * value;
-      for (std::size_t i = 0; i < l.support(0); ++i) s[i] += l.weight[0][i] * v;
-    }
-}
-
-class LatticeMap::Bound final : public Binding {
- public:
-  std::size_t size() const override { return rest.size(); }
-  std::shared_ptr<const Model> model;
-  std::vector<Vec3> rest;
-
-  static const Bound& of(const Binding& binding, const std::shared_ptr<const Model>& model) {
-    const auto* bound = dynamic_cast<const Bound*>(&binding);
-    if (!bound || bound->model != model) throw std::invalid_argument("binding: not of this lattice");
-    return *bound;
-  }
-};
-
-namespace {
 
 void requireSize(const char* name, std::size_t size, std::size_t expected) {
   if (size != expected) throw std::invalid_argument(fmt::format("{}: {} elements, expected {}", name, size, expected));
 }
 
-// Where nothing is added, not even the sign of a zero changes.
-Vec3 moved(const Vec3& x, const Vec3& d) {
-  return {d[0] == 0 ? x[0] : x[0] + d[0], d[1] == 0 ? x[1] : x[1] + d[1], d[2] == 0 ? x[2] : x[2] + d[2]};
+void requireDisplacements(Points displacements, std::size_t nodes) {
+  requireSize("displacements", displacements.size(), nodes);
+  for (std::size_t i = 0; i < displacements.size(); ++i)
+    if (!displacements[i].allFinite()) throw std::invalid_argument(fmt::format("displacements: that of node {} is not finite", i));
+}
+
+// Calls block(begin, count, scratch) for the blocks of [begin, end).
+template <class Block>
+void forBlocks(const LatticeModel& model, std::size_t begin, std::size_t end, Block&& block) {
+  LatticeModel::Scratch scratch(model);
+  for (std::size_t b = begin; b < end; b += kBlock) block(b, std::min(kBlock, end - b), scratch);
+}
+
+void sumOf(const LatticeModel& model, const LatticeBinding& bound, std::size_t begin, std::size_t count, const Vec3* values,
+           LatticeModel::Scratch& scratch, Vec3* out) {
+  model.weights(bound, begin, count, scratch);
+  detail::combine(model.shape(), count, model.cells(bound, begin), scratch.weight.data(), values, scratch.rows.data(), out);
+}
+
+// Adds displacements to points; a point whose image is not finite stays.
+void place(const LatticeBinding& bound, std::size_t begin, std::size_t count, const Vec3* d, const MapOutput& out) {
+  const Vec3* rest = &bound.rest[begin];
+  std::array<Vec3, kBlock> spare;
+  Vec3* x = out.position.empty() ? spare.data() : &out.position[begin];
+  const bool finite = detail::addDisplacements(count, rest, d, x);
+  std::array<bool, kBlock> invalid{};
+  if (!finite || bound.special[begin / kBlock])
+    for (std::size_t p = 0; p < count; ++p) {
+      invalid[p] = bound.kind[begin + p] == PointKind::Invalid || !x[p].allFinite();
+      if (invalid[p]) x[p] = rest[p];
+    }
+  if (!out.safe.empty()) std::copy(x, x + count, &out.safe[begin]);
+  if (!out.status.empty())
+    for (std::size_t p = 0; p < count; ++p)
+      out.status[begin + p] = invalid[p] ? Status::Invalid : d[p] == Vec3::Zero() ? Status::Fixed : Status::Converged;
+  if (!out.residual.empty()) std::fill(&out.residual[begin], &out.residual[begin] + count, 0.0f);
 }
 
 }  // namespace
 
-LatticeMap::LatticeMap(Lattice lattice) {
-  model_ = std::make_shared<const Model>(lattice);
+LatticeMap::LatticeMap(Lattice lattice) : model_(std::make_shared<const LatticeModel>(lattice)) {
   std::vector<Vec3> d = std::move(lattice.displacements);
-  d.resize(model_->rest.size(), Vec3::Zero());
+  d.resize(model_->rest().size(), Vec3::Zero());
   displacements_ = std::make_shared<const std::vector<Vec3>>(std::move(d));
 }
 
 Lattice LatticeMap::lattice() const {
-  Lattice l = model_->lattice;
+  Lattice l = model_->lattice();
   l.displacements = *displacements_;
   return l;
 }
 
 Vec3 LatticeMap::position(const Vec3& rest) const {
-  Local local(model_->lattice.axis);
-  if (!rest.allFinite() || !model_->locate(rest, local)) return rest;
-  const Vec3 x = moved(rest, model_->combine(local, displacements_->data()));
-  return x.allFinite() ? x : rest;
+  LatticeModel::Scratch scratch(*model_);
+  Cell cell;
+  if (!model_->place(rest, cell, scratch.weight.data(), scratch.slope.data())) return rest;
+  Vec3 d;
+  detail::combine(model_->shape(), 1, &cell, scratch.weight.data(), displacements_->data(), scratch.rows.data(), &d);
+  Vec3 x;
+  return detail::addDisplacements(1, &rest, &d, &x) ? x : rest;
 }
 
 Mat3 LatticeMap::jacobian(const Vec3& rest) const {
-  Local local(model_->lattice.axis);
-  if (!rest.allFinite() || !model_->locate(rest, local)) return Mat3::Identity();
-  const Mat3 j = model_->derivative(local, displacements_->data()) * model_->boxDerivative();
-  return j.allFinite() ? Mat3(Mat3::Identity() + j) : Mat3::Identity();
+  Mat3 j;
+  const auto binding = bind({&rest, 1});
+  jacobians(*binding, {&j, 1});
+  return j;
 }
 
 LatticeMap::Inverse LatticeMap::inverse(const Vec3& target, const Vec3& start, double tolerance) const {
@@ -190,104 +121,148 @@ LatticeMap::Inverse LatticeMap::inverse(const Vec3& target, const Vec3& start, d
 }
 
 std::shared_ptr<const Binding> LatticeMap::bind(Points rest) const {
-  auto bound = std::make_shared<Bound>();
+  auto bound = std::make_shared<LatticeBinding>();
   bound->model = model_;
   bound->rest.assign(rest.begin(), rest.end());
+  bound->t.resize(rest.size());
+  if (!model_->oneCell()) bound->cell.resize(rest.size());
+  bound->kind.resize(rest.size());
+  parallelFor(rest.size(), kGrain, [&](std::size_t begin, std::size_t end) { model_->bind(*bound, begin, end); });
+  bound->special.resize((rest.size() + kBlock - 1) / kBlock);
+  for (std::size_t p = 0; p < rest.size(); ++p)
+    if (bound->kind[p] != PointKind::Inside) bound->special[p / kBlock] = true;
   return bound;
 }
 
 void LatticeMap::apply(const Binding& binding, MapOutput out, Progress& progress) const {
-  const Bound& bound = Bound::of(binding, model_);
+  const LatticeBinding& bound = boundBy(binding, model_);
   const std::size_t n = bound.size();
   for (const std::size_t size : {out.position.size(), out.safe.size(), out.status.size(), out.residual.size()})
     if (size != 0) requireSize("out", size, n);
   parallelFor(n, kGrain, progress, [&](std::size_t begin, std::size_t end) {
-    Local local(model_->lattice.axis);
-    for (std::size_t p = begin; p < end; ++p) {
-      const Vec3& rest = bound.rest[p];
-      Vec3 x = rest;
-      Status status = rest.allFinite() ? Status::Fixed : Status::Invalid;
-      if (status == Status::Fixed && model_->locate(rest, local)) {
-        const Vec3 d = model_->combine(local, displacements_->data());
-        x = moved(rest, d);
-        if (!x.allFinite()) x = rest, status = Status::Invalid;
-        else if (d != Vec3::Zero()) status = Status::Converged;
-      }
-      if (!out.position.empty()) out.position[p] = x;
-      if (!out.safe.empty()) out.safe[p] = x;
-      if (!out.status.empty()) out.status[p] = status;
-      if (!out.residual.empty()) out.residual[p] = 0;
-    }
+    std::array<Vec3, kBlock> d;
+    forBlocks(*model_, begin, end, [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) {
+      sumOf(*model_, bound, b, count, displacements_->data(), scratch, d.data());
+      place(bound, b, count, d.data(), out);
+    });
   });
 }
 
 void LatticeMap::jacobians(const Binding& binding, std::span<Mat3> out) const {
-  const Bound& bound = Bound::of(binding, model_);
+  const LatticeBinding& bound = boundBy(binding, model_);
   requireSize("out", out.size(), bound.size());
   parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t p = begin; p < end; ++p) out[p] = jacobian(bound.rest[p]);
+    LatticeModel::Scratch scratch(*model_);
+    const Mat3 toBox = model_->boxDerivative();
+    Cell cell;
+    for (std::size_t p = begin; p < end; ++p) {
+      out[p].setIdentity();
+      if (!model_->place(bound.rest[p], cell, scratch.weight.data(), scratch.slope.data())) continue;
+      const Mat3 d = model_->derivative(cell, scratch.weight.data(), scratch.slope.data(), displacements_->data()) * toBox;
+      if (d.allFinite()) out[p] += d;
+    }
   });
 }
 
-std::size_t LatticeMap::nodeCount() const { return model_->rest.size(); }
-Points LatticeMap::restNodes() const { return model_->rest; }
+std::size_t LatticeMap::nodeCount() const { return model_->rest().size(); }
+Points LatticeMap::restNodes() const { return model_->rest(); }
 Points LatticeMap::displacements() const { return *displacements_; }
 
 SparseRows LatticeMap::basis(const Binding& binding) const {
-  const Bound& bound = Bound::of(binding, model_);
+  const LatticeBinding& bound = boundBy(binding, model_);
+  const detail::Shape& shape = model_->shape();
   SparseRows rows;
   rows.columns = nodeCount();
   rows.start.reserve(bound.size() + 1);
-  Local l(model_->lattice.axis);
-  for (const Vec3& x : bound.rest) {
-    if (x.allFinite() && model_->locate(x, l))
-      for (std::size_t k = 0; k < l.support(2); ++k)
-        for (std::size_t j = 0; j < l.support(1); ++j)
-          for (std::size_t i = 0; i < l.support(0); ++i) {
-            const double w = l.weight[0][i] * (l.weight[1][j] * l.weight[2][k]);
-            if (w == 0) continue;
-            rows.column.push_back(static_cast<Index>(model_->row(l, j, k) + i));
-            rows.value.push_back(w);
+  forBlocks(*model_, 0, bound.size(), [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) {
+    model_->weights(bound, b, count, scratch);
+    const Cell* cell = model_->cells(bound, b);
+    for (std::size_t p = 0; p < count; ++p) {
+      const double* w = &scratch.weight[p * shape.stride];
+      for (std::size_t k = 0; k < shape.support[2]; ++k)
+        for (std::size_t j = 0; j < shape.support[1]; ++j)
+          for (std::size_t i = 0; i < shape.support[0]; ++i) {
+            const double value = w[i] * (w[shape.at[1] + j] * w[shape.at[2] + k]);
+            if (value == 0) continue;
+            rows.column.push_back(static_cast<Index>(model_->row(cell[p], j, k) + i));
+            rows.value.push_back(value);
           }
-    rows.start.push_back(rows.column.size());
-  }
+      rows.start.push_back(rows.column.size());
+    }
+  });
   return rows;
 }
 
 void LatticeMap::combine(const Binding& binding, Points nodeValues, std::span<Vec3> out) const {
-  const Bound& bound = Bound::of(binding, model_);
+  const LatticeBinding& bound = boundBy(binding, model_);
   requireSize("nodeValues", nodeValues.size(), nodeCount());
   requireSize("out", out.size(), bound.size());
   parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    Local local(model_->lattice.axis);
-    for (std::size_t p = begin; p < end; ++p)
-      out[p] = bound.rest[p].allFinite() && model_->locate(bound.rest[p], local) ? model_->combine(local, nodeValues.data())
-                                                                                : Vec3(Vec3::Zero());
+    forBlocks(*model_, begin, end, [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) {
+      sumOf(*model_, bound, b, count, nodeValues.data(), scratch, &out[b]);
+    });
   });
 }
 
+namespace {
+
+// Many nodes: the lattice is cut along its longest axis into slabs so wide that a point of one reaches into the next at
+// most. First the even slabs, side by side, then the odd ones: no two at work meet, and each node's order is fixed.
+void gatherBySlabs(const LatticeModel& model, const LatticeBinding& bound, Points values, std::span<Vec3> out) {
+  const detail::Shape& shape = model.shape();
+  const std::size_t axis = static_cast<std::size_t>(std::max_element(shape.nodes.begin(), shape.nodes.end()) - shape.nodes.begin());
+  const std::size_t width = std::max<std::size_t>(shape.support[axis], 8), slabs = (shape.nodes[axis] + width - 1) / width;
+  std::size_t step = 1;
+  for (std::size_t a = 0; a < axis; ++a) step *= shape.nodes[a];
+  const auto slabOf = [&](std::size_t p) {
+    const Index first = bound.cell.empty() ? 0 : bound.cell[p].first;
+    return first / step % shape.nodes[axis] / width;
+  };
+  std::vector<std::size_t> start(slabs + 1, 0);
+  for (std::size_t p = 0; p < bound.size(); ++p) ++start[slabOf(p) + 1];
+  for (std::size_t s = 0; s < slabs; ++s) start[s + 1] += start[s];
+  std::vector<Index> order(bound.size());
+  std::vector<std::size_t> next(start.begin(), start.end() - 1);
+  for (std::size_t p = 0; p < bound.size(); ++p) order[next[slabOf(p)]++] = static_cast<Index>(p);
+  for (const std::size_t parity : {std::size_t{0}, std::size_t{1}})
+    parallelFor((slabs + 1 - parity) / 2, 1, [&](std::size_t pair, std::size_t) {
+      const std::size_t slab = 2 * pair + parity;
+      std::array<Vec3, kBlock> in;
+      forBlocks(model, start[slab], start[slab + 1], [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) {
+        const std::span<const Index> points(&order[b], count);
+        model.weightsOf(bound, points, scratch);
+        for (std::size_t p = 0; p < count; ++p) in[p] = values[points[p]];
+        detail::scatter(shape, count, scratch.cell.data(), scratch.weight.data(), in.data(), scratch.rows.data(), out.data());
+      });
+    });
+}
+
+}  // namespace
+
 void LatticeMap::gather(const Binding& binding, Points pointValues, std::span<Vec3> out) const {
-  const Bound& bound = Bound::of(binding, model_);
+  const LatticeBinding& bound = boundBy(binding, model_);
   requireSize("pointValues", pointValues.size(), bound.size());
   requireSize("out", out.size(), nodeCount());
-  const auto add = [&](std::size_t begin, std::size_t end, Vec3* sums) {
-    Local local(model_->lattice.axis);
-    for (std::size_t p = begin; p < end; ++p)
-      if (bound.rest[p].allFinite() && model_->locate(bound.rest[p], local)) model_->scatter(local, pointValues[p], sums);
-  };
   std::fill(out.begin(), out.end(), Vec3(Vec3::Zero()));
-  const std::size_t n = bound.size(), chunks = std::min(kGatherChunks, (n + kGrain - 1) / kGrain);
-  if (chunks < 2 || chunks * nodeCount() * sizeof(Vec3) > kGatherMemory) return add(0, n, out.data());
-  std::vector<Vec3> sums(chunks * nodeCount(), Vec3::Zero());
-  parallelFor(chunks, 1, [&](std::size_t c, std::size_t) { add(n * c / chunks, n * (c + 1) / chunks, &sums[c * nodeCount()]); });
+  const std::size_t blocks = (bound.size() + kBlock - 1) / kBlock;
+  const std::size_t chunks = std::min(kGatherChunks, (blocks + 15) / 16), nodes = nodeCount();
+  if (chunks == 0) return;
+  if (chunks * nodes * sizeof(Vec3) > kGatherMemory) return gatherBySlabs(*model_, bound, pointValues, out);
+  std::vector<Vec3> sums(chunks * nodes, Vec3::Zero());
+  parallelFor(chunks, 1, [&](std::size_t c, std::size_t) {
+    const std::size_t end = std::min(bound.size(), blocks * (c + 1) / chunks * kBlock);
+    forBlocks(*model_, blocks * c / chunks * kBlock, end, [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) {
+      model_->weights(bound, b, count, scratch);
+      detail::scatter(model_->shape(), count, model_->cells(bound, b), scratch.weight.data(), &pointValues[b],
+                      scratch.rows.data(), &sums[c * nodes]);
+    });
+  });
   for (std::size_t c = 0; c < chunks; ++c)
-    for (std::size_t i = 0; i < nodeCount(); ++i) out[i] += sums[c * nodeCount() + i];
+    for (std::size_t i = 0; i < nodes; ++i) out[i] += sums[c * nodes + i];
 }
 
 std::unique_ptr<LinearMap> LatticeMap::withDisplacements(Points displacements) const {
-  requireSize("displacements", displacements.size(), nodeCount());
-  for (std::size_t i = 0; i < displacements.size(); ++i)
-    if (!displacements[i].allFinite()) throw std::invalid_argument(fmt::format("displacements: that of node {} is not finite", i));
+  requireDisplacements(displacements, nodeCount());
   auto other = std::make_unique<LatticeMap>(*this);
   other->displacements_ = std::make_shared<const std::vector<Vec3>>(displacements.begin(), displacements.end());
   return other;

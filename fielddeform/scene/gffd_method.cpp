@@ -162,6 +162,4 @@ class GffdMethod final : public Method {
 
 std::unique_ptr<Method> makeGffdMethod(const Scene& scene) { return std::make_unique<GffdMethod>(scene); }
 
-std::unique_ptr<Method> makeMethod(const Scene& scene) { return makeGffdMethod(scene); }
-
 }  // namespace fielddeform::scene::detail

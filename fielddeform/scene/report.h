@@ -60,7 +60,7 @@ struct Report {
   double tolerance = 0;               ///< world units
   std::size_t foldsBefore = 0;        ///< folded edges of the input by itself (cosine of its normals below -0.3)
   std::size_t foldsAfter = 0;         ///< edges that the deformation folded
-  std::size_t flipped = 0;            ///< faces turned against the map's own rotation
+  std::size_t flipped = 0;            ///< faces turned against the rotation that fits the surface around them best
   VolumeReport volume;
   std::size_t insertedVertices = 0;
   MaxAndP99 stretch;                  ///< edge length after / before

@@ -1,6 +1,7 @@
 #include "samples.h"
 
 #include <fielddeform/mesh/io.h>
+#include <fielddeform/skeleton/fit.h>
 #include <fielddeform/skeleton/io.h>
 
 #include <cmath>
@@ -91,8 +92,8 @@ const std::vector<Sample>& samples() {
       {"teapot-skeleton", "teapot-skeleton.json", "lines through body, spout and handle",
        [](const path& p) { write(teapotSkeleton(), p); }},
       {"bunny", "bunny.obj", "rabbit of soft balls (Figure 11)", [](const path& p) { write(bunny(), p); }},
-      {"bunny-lod", "bunny-lod.json", "the rabbit's coarse model as a skeleton",
-       [](const path& p) { write({solid("lod", bunny(0.3), 0.3)}, p); }},
+      {"bunny-lod", "bunny-lod.json", "the rabbit simplified to a tenth of its faces, as a skeleton",
+       [](const path& p) { skeleton::writeSkeleton(skeleton::fitLod(bunny(), {.faces = 2800}).skeleton, p); }},
       {"torus", "torus.obj", "torus of 4096 triangles (Hirota's)", [](const path& p) { write(torus(16), p); }},
       {"club", "club.obj", "Indian club (Hirota's)", [](const path& p) { write(club(64), p); }},
       {"quadruped", "quadruped.obj", "standing animal in place of Hirota's cow", [](const path& p) { write(quadruped(), p); }},

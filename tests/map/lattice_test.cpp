@@ -1,3 +1,4 @@
+#include <fielddeform/core/detail/simd.h>
 #include <fielddeform/core/parallel.h>
 #include <gtest/gtest.h>
 #include <tests/map/lattices.h>
@@ -260,6 +261,28 @@ TEST(LatticeMap, IsTheSameOnAnyNumberOfThreads) {
     if (first.empty()) first = position, firstGather = gathered;
     EXPECT_EQ(position, first);
     EXPECT_EQ(gathered, firstGather);
+  }
+}
+
+TEST(LatticeMap, IsTheSameInEveryKindOfVectorInstructions) {
+  using fielddeform::detail::SimdLevel;
+  std::vector<Lattice> lattices = everyLattice();
+  const AxisBasis wide = AxisBasis::bspline(70, 3, Border::Coincident);
+  lattices.push_back(shaken(lattice(wide, wide, wide), 30, 0.01));
+  std::vector<Vec3> points = cloud(31, 500), pull = cloud(32, 500);
+  for (std::size_t i = 0; i < 100; ++i) points[5 * i] *= 3;  // some outside
+  for (const Lattice& l : lattices) {
+    const LatticeMap map(l);
+    std::vector<Vec3> first, firstGather;
+    for (const SimdLevel level : {SimdLevel::Baseline, SimdLevel::Avx2, SimdLevel::Avx512}) {
+      const fielddeform::detail::SimdLimit limit(level);
+      std::vector<Vec3> gathered(map.nodeCount());
+      map.gather(*map.bind(points), pull, gathered);
+      const std::vector<Vec3> position = applied(map, points);
+      if (first.empty()) first = position, firstGather = gathered;
+      EXPECT_EQ(position, first) << toString(level);
+      EXPECT_EQ(gathered, firstGather) << toString(level);
+    }
   }
 }
 

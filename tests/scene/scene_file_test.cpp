@@ -22,6 +22,15 @@ const char* kWhole = R"({"format": "fielddeform-scene", "version": 1, "seed": 0,
  "resample": {"by": "both", "max_stretch": 1.8, "max_deviation": 1e-3, "max_vertices": null}, "volume": null,
  "output": {"mesh": "out.ply", "report": "out.json", "precision": "keep"}})";
 
+const char* kLattices = R"({"format": "fielddeform-scene", "version": 1, "inputs": ["scan.ply"], "method": "lattice",
+ "lattices": ["own.json", {"file": "other.json", "fit": true},
+  {"nodes": [5, 2, 2], "basis": "bspline", "degree": 2, "border": "free", "box": "oriented", "padding": 0.1, "outside": "keep",
+   "moves": [{"node": [4, 1, 0], "by": [0, 0.5, 0]}]},
+  {"box": {"origin": [0, 0, 0], "edges": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+   "axes": [{"basis": "bernstein", "nodes": 2}, {"basis": "bernstein", "nodes": 2}, {"basis": "bernstein", "nodes": 3}],
+   "moves": [{"node": [1, 1, 2], "by": [0.1, 0, 0]}]}],
+ "output": {"mesh": "out.ply"}})";
+
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   const auto at = text.find(from);
   EXPECT_NE(at, std::string::npos) << from;
@@ -60,10 +69,36 @@ TEST(SceneFile, DefaultsAreThoseOfTheOptions) {
 }
 
 TEST(SceneFile, WritingWhatWasReadIsAFixedPoint) {
-  for (const char* text : {kSmall, kWhole}) {
+  for (const char* text : {kSmall, kWhole, kLattices}) {
     const std::string once = formatScene(parseScene(text, "a/scene.json"), "a");
     EXPECT_EQ(formatScene(parseScene(once, "a/scene.json"), "a"), once);
   }
+}
+
+TEST(SceneFile, LatticesAreFilesRulesOrTheLatticeItself) {
+  const Scene scene = parseScene(kLattices, "folder/scene.json");
+  EXPECT_EQ(methodOf(scene), "lattice");
+  ASSERT_EQ(scene.lattices.size(), 4u);
+  EXPECT_EQ(std::get<std::filesystem::path>(scene.lattices[0].source), "folder/own.json");
+  EXPECT_FALSE(scene.lattices[0].fit);
+  EXPECT_TRUE(scene.lattices[1].fit);
+  const auto& rule = std::get<LatticeRule>(scene.lattices[2].source);
+  EXPECT_EQ(rule.nodes, (std::array<int, 3>{5, 2, 2}));
+  EXPECT_EQ(rule.border, map::Border::Free);
+  EXPECT_EQ(rule.outside, map::Outside::Keep);
+  EXPECT_TRUE(rule.oriented);
+  ASSERT_EQ(rule.moves.size(), 1u);
+  EXPECT_EQ(rule.moves[0].by, Vec3(0, .5, 0));
+  EXPECT_EQ(std::get<map::Lattice>(scene.lattices[3].source).nodeCount(), 12u);
+}
+
+TEST(SceneFile, KeysOfTheOtherMethodAreRefused) {
+  EXPECT_NE(problemOf(replaced(kLattices, "\"output\"", "\"edits\": [], \"output\"")).find("no such key with the method"),
+            std::string::npos);
+  EXPECT_NE(problemOf(replaced(kSmall, "\"output\"", "\"lattices\": [], \"output\"")).find("no such key with the method"),
+            std::string::npos);
+  EXPECT_NE(problemOf(replaced(kLattices, "[5, 2, 2]", "[5, 2]")), "");
+  EXPECT_NE(problemOf(replaced(kLattices, "[5, 2, 2]", "[5, 1, 2]")), "");
 }
 
 TEST(SceneFile, EveryEntrySurvives) {

@@ -31,6 +31,17 @@ void makeFolder(const fs::path& folder) {
   if (!fs::is_directory(folder)) throw IoError(folder, "cannot be made: " + problem.message());
 }
 
+const std::vector<std::string> kPictures{".png"};
+
+// Says what is wrong with the name of the mesh or picture to be written; empty if nothing is.
+std::string outputProblem(const fs::path& path, bool folder, bool picture) {
+  if (folder || namesFolder(path)) return {};
+  if (picture) return extensionProblem(path, kPictures);
+  // Without an extension it is written in the format of the input.
+  if (!path.has_extension()) return {};
+  return extensionProblem(path, {".ply", ".obj", ".stl", ".off", ".coff", ".noff"});
+}
+
 // Where everything of a scene with these inputs goes. Several inputs need folders; folders are made.
 std::vector<Job> jobsOf(const scene::Scene& scene) {
   const bool several = scene.inputs.size() > 1;
@@ -46,6 +57,11 @@ std::vector<Job> jobsOf(const scene::Scene& scene) {
   const bool meshFolder = isFolder(out.mesh, "output");
   const bool reportFolder = out.report && isFolder(*out.report, "report");
   const bool pictureFolder = out.picture && isFolder(*out.picture, "picture");
+  if (const std::string problem = outputProblem(out.mesh, meshFolder, false); !problem.empty())
+    throw std::runtime_error("output: " + problem);
+  if (out.picture)
+    if (const std::string problem = outputProblem(*out.picture, pictureFolder, true); !problem.empty())
+      throw std::runtime_error("picture: " + problem);
   std::vector<Job> jobs;
   std::map<fs::path, fs::path> taken;
   for (const fs::path& input : scene.inputs) {
@@ -151,6 +167,17 @@ int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene
     terminal.print(fmt::format("{} of {} meshes done", jobs.size() - failed, jobs.size()));
   }
   return failed > 0 ? kFailed : broken > 0 ? kCheckFailed : kDone;
+}
+
+void requireUsable(const BatchOptions& options) {
+  const bool several = options.meshes.size() > 1;
+  if (const std::string problem = outputProblem(options.output, several, false); !problem.empty())
+    throw CLI::ValidationError("--output: " + problem);
+  if (!options.picture.empty())
+    if (const std::string problem = outputProblem(options.picture, several, true); !problem.empty())
+      throw CLI::ValidationError("--picture: " + problem + (several ? "" : ", or a folder (ends in /)"));
+  if (several && !options.saveScene.empty())
+    throw CLI::ValidationError("--save-scene: choices differ from mesh to mesh, give one mesh at a time");
 }
 
 namespace {

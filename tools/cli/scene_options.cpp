@@ -25,19 +25,20 @@ void setFalloff(gffd::Options& tracking, const std::string& text) {
 void addTracking(CLI::App& command, gffd::Options& tracking) {
   const char* group = "Tracking";
   addNumber(command, "--radius", tracking.radius,
-            "Influence radius of primitives that name none, model units (default: from the mesh)")->group(group);
+            "Influence radius of primitives that name none, model units (default: from the mesh)")
+      ->check(positive())->group(group);
   addWord(command, "--track", {"auto", "mls", "axial", "warp", "gradient"},
           [&tracking](std::size_t i) { tracking.predictor = static_cast<gffd::Predictor>(i); },
           "How vertices follow (default: auto, which is mls or axial; warp and gradient are the paper's)")->group(group);
   command.add_flag_callback("--no-corrector", [&tracking] { tracking.corrector = false; },
                             "Do not bring vertices back to their field value")->group(group);
   command.add_option("--tolerance", tracking.tolerance, "Residual of a converged vertex, in radii (default: 1e-4)")
-      ->type_name("NUMBER")->group(group);
+      ->type_name("NUMBER")->check(positive())->group(group);
   addWord(command, "--potential", {"exponential", "gaussian", "metaball", "soft-object"},
           [&tracking](std::size_t i) { tracking.field.potential = static_cast<skeleton::Potential>(i); },
           "Potential of primitives that name none (default: exponential)")->group(group);
   command.add_option("--sharpness", tracking.field.sharpness, "Falloff lengths in a radius (default: 4)")
-      ->type_name("NUMBER")->group(group);
+      ->type_name("NUMBER")->check(within(1e-3, 500))->group(group);
   command.add_option_function<std::string>(
       "--falloff", [&tracking](const std::string& text) { setFalloff(tracking, text); },
       "Share of the radius in which the displacement dies out (default: auto, 0.5 where the influence ends on the mesh)")
@@ -67,7 +68,8 @@ void addResampling(CLI::App& command, BatchOptions& options) {
                                       "Split edges whose middle is off by this share of the size (default: 1e-3)")
       ->type_name("SHARE")->check(within(1e-12, 1.0))->group(group);
   command.add_option_function<std::uint32_t>("--max-vertices", [&r, on](const std::uint32_t& n) { r.maxVertices = n; on(); },
-                                             "Stop inserting at this many vertices")->type_name("N")->group(group);
+                                             "Stop inserting at this many vertices")
+      ->type_name("N")->check(within(0, 4294967295.0))->group(group);
   addWord(command, "--resample-like", {"paper"},
           [&r, &options, on](std::size_t) {
             r.by = resample::Criterion::Stretch;
@@ -157,9 +159,11 @@ void addCheck(CLI::App& command, BatchOptions& options) {
   const auto on = [&options] { options.check = true; };
   command.add_flag_callback("--check", on, "Exit with 3 if the result has folded edges or flipped faces")->group(group);
   command.add_option_function<std::size_t>("--allow-folds", [&check, on](const std::size_t& n) { check.folds = n; on(); },
-                                           "As --check, with up to N folded edges")->type_name("N")->group(group);
+                                           "As --check, with up to N folded edges")
+      ->type_name("N")->check(within(0, 1e15))->group(group);
   command.add_option_function<std::size_t>("--allow-flipped", [&check, on](const std::size_t& n) { check.flipped = n; on(); },
-                                           "As --check, with up to N flipped faces")->type_name("N")->group(group);
+                                           "As --check, with up to N flipped faces")
+      ->type_name("N")->check(within(0, 1e15))->group(group);
   command.add_option_function<double>("--allow-residual", [&check, on](const double& x) { check.residual = x; on(); },
                                       "As --check, also of the greatest residual, in radii")
       ->type_name("NUMBER")->check(within(0.0, 1e6))->group(group);

@@ -24,6 +24,10 @@ struct BatchOptions {
 /// MESH..., -o, and all groups below.
 void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes);
 
+/// What the options say only together, after all are parsed: names of files whose extension is of no use, and several
+/// meshes where one is needed. @throw CLI::ValidationError
+void requireUsable(const BatchOptions& options);
+
 /// Fills the scene from the parsed options and runs it on every mesh. Several meshes: one bar, one that fails does not
 /// stop the rest, a table at the end.
 /// @return kDone; kFailed if any failed; else kCheckFailed if any check was broken

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+/// Run-time choice of vector instructions. A kernel is one always-inlined function over lanes that never meet (each lane
+/// adds in the same order at any width, and nothing is fused: -ffp-contract=off), wrapped once a level:
+///
+///   template <...> FIELDDEFORM_SIMD_INLINE void kernel(...);
+///   void kernelBaseline(...) { kernel(...); }
+///   FIELDDEFORM_SIMD_AVX2 void kernelAvx2(...) { kernel(...); }
+///   FIELDDEFORM_SIMD_AVX512 void kernelAvx512(...) { kernel(...); }
+///   ... switch (simdLevel()) ...
+///
+/// so that every processor writes the same bytes. Such kernels call no function that is not always inlined.
+#define FIELDDEFORM_SIMD_INLINE inline __attribute__((always_inline))
+#if defined(__x86_64__)
+#define FIELDDEFORM_SIMD_AVX2 __attribute__((target("avx2")))
+#define FIELDDEFORM_SIMD_AVX512 __attribute__((target("avx512f,avx512vl,avx512dq")))
+#else
+#define FIELDDEFORM_SIMD_AVX2
+#define FIELDDEFORM_SIMD_AVX512
+#endif
+
+namespace fielddeform::detail {
+
+enum class SimdLevel : std::uint8_t { Baseline, Avx2, Avx512 };  ///< Baseline: SSE2 on x86-64, what the compiler has elsewhere
+
+std::string_view toString(SimdLevel level) noexcept;  ///< "baseline", "avx2", "avx512"
+
+/// The best level of this processor.
+SimdLevel supportedSimdLevel() noexcept;
+
+/// The level that kernels use: the best one, no better than the environment variable FIELDDEFORM_SIMD says (read once) and
+/// than a SimdLimit.
+SimdLevel simdLevel() noexcept;
+
+/// While it lives, kernels use at most this level: for tests and benchmarks. Process-wide.
+class SimdLimit {
+ public:
+  explicit SimdLimit(SimdLevel level) noexcept;
+  ~SimdLimit();
+  SimdLimit(const SimdLimit&) = delete;
+  SimdLimit& operator=(const SimdLimit&) = delete;
+
+ private:
+  SimdLevel before_;
+};
+
+}  // namespace fielddeform::detail
