@@ -74,7 +74,9 @@ struct GffdMap::Impl {
   bool unedited() const { return allMatched(resolved.skeletons); }
 
   void makeWarp() {
-    const detail::WarpPairs pairs = detail::warpPairs(resolved.skeletons);
+    // Eq (5) by itself is to carry a rigid edit exactly; the naive frames belong to Fig. 5.
+    const auto frames = resolved.options.corrector ? detail::FramePoints::Naive : detail::FramePoints::Straight;
+    const detail::WarpPairs pairs = detail::warpPairs(resolved.skeletons, frames, kWarpCentres);
     if (pairs.rest.empty())
       throw std::invalid_argument("track is 'warp', but no primitive has corresponding points; expected at least one pair");
     if (pairs.rest.size() > kWarpCentres)
@@ -260,6 +262,18 @@ std::size_t GffdMap::countPierced(const map::Binding& binding) const {
         return count;
       },
       [](std::size_t x, std::size_t y) { return x + y; });
+}
+
+bool GffdMap::hasFalloff() const noexcept { return impl_->stages.front()->hasFalloff(); }
+
+std::vector<double> GffdMap::falloffWeights(const map::Binding& binding) const {
+  const GffdBinding& b = own(binding, *impl_->embedding);
+  std::vector<double> out;
+  if (!hasFalloff()) return out;
+  out.resize(b.size(), 0);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (b.rest[i].allFinite() && b.movable(i)) out[i] = impl_->stages.front()->weight(b.value(i));
+  return out;
 }
 
 std::size_t GffdMap::countMovable(const map::Binding& binding) const {

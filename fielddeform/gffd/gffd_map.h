@@ -4,6 +4,7 @@
 #include <fielddeform/map/space_map.h>
 
 #include <memory>
+#include <vector>
 
 namespace fielddeform::gffd {
 
@@ -46,6 +47,10 @@ class GffdMap final : public map::SpaceMap {
   bool isIdentity() const noexcept;
   /// Bound points outside the rest field that lie inside the posed one: the skeleton was moved into them.
   std::size_t countPierced(const map::Binding& binding) const;
+  bool hasFalloff() const noexcept;
+  /// The falloff's share of every bound point, in [0, 1]: 0 outside the influence, 1 where it is full.
+  /// @return #P, or empty if the falloff is off
+  std::vector<double> falloffWeights(const map::Binding& binding) const;
   /// Points in the rest field's influence region.
   std::size_t countMovable(const map::Binding& binding) const;
 

@@ -37,9 +37,17 @@ class AxisBasis {
   /// @throw std::invalid_argument if they decrease, are not finite, an inner knot has a multiplicity above degree, or an
   ///        end of the domain one above degree + 1
   static AxisBasis withKnots(int degree, std::vector<double> knots);
+  /// Coincident borders with knots that need not be uniform, as knot insertion leaves them. The box coordinate of a point is
+  /// that of the curve of the rest nodes; its parameter is found by Newton's method.
+  /// @param degree  2 or 3
+  /// @param knots  nodes + 3 degree - 1 numbers, strictly ascending
+  /// @param rest   box coordinates of the nodes, strictly ascending from 0 to 1; more than degree of them
+  /// @throw std::invalid_argument
+  static AxisBasis coincident(int degree, std::vector<double> knots, std::vector<double> rest);
 
   BasisKind kind() const noexcept;
   Border border() const noexcept;
+  bool uniform() const noexcept { return knots_.empty(); }  ///< no knots were given: nodes, degree and border say it all
   int degree() const noexcept;
   int nodes() const noexcept;
   /// Functions that do not vanish at one point at most: nodes() for Bernstein, degree + 1 for B-splines.
@@ -73,23 +81,25 @@ class AxisBasis {
     int segments = 1;
     std::array<std::array<double, 4>, 4> power{};
   };
-  const std::vector<Piece>& pieces() const noexcept { return pieces_; }  // none above degree 3
+  const std::vector<Piece>& pieces() const noexcept { return pieces_; }  // none above degree 3, none of coincident()
   struct Place {
     int piece = 0, first = 0;
     double t = 0;
   };
-  Place locate(double u) const;  // clamps; degree <= 3
+  Place locate(double u) const;  // clamps; degree <= 3; of coincident() `first` only
   void evaluate(const Place& place, double* weight, double* slope) const;
 
  private:
   AxisBasis() = default;
   void makeUniformPiece(double firstAt);
   void makeCoincidentEnds();
+  int evaluateCurve(double u, double* weight, double* slope) const;
   BasisKind kind_ = BasisKind::Bernstein;
   Border border_ = Border::Coincident;
   int degree_ = 1;
   int nodes_ = 2;
   std::vector<double> knots_, rest_;  // of given knots only
+  std::vector<double> curve_;         // made by coincident(): the u of each knot of the domain; else empty
   std::vector<Piece> pieces_;
 };
 

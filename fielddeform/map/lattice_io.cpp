@@ -31,11 +31,11 @@ auto checked(const JsonValue& value, const char* expected, Make&& make) {
 }
 
 AxisBasis axisFromJson(const JsonValue& object) {
-  object.allowKeys({"basis", "nodes", "degree", "border", "knots"});
+  object.allowKeys({"basis", "nodes", "degree", "border", "knots", "at"});
   const bool spline = object.require("basis").word({"bernstein", "bspline"}) == 1;
   const auto nodes = given(object, "nodes"), degree = given(object, "degree"), border = given(object, "border"),
-             knots = given(object, "knots");
-  for (const auto& value : {degree, border, knots})
+             knots = given(object, "knots"), at = given(object, "at");
+  for (const auto& value : {degree, border, knots, at})
     if (value && !spline) value->fail("", "none: only a bspline has it");
   const int p = degree ? static_cast<int>(degree->integer(1, 3)) : 3;
   if (knots) {
@@ -43,8 +43,15 @@ AxisBasis axisFromJson(const JsonValue& object) {
     if (border) border->fail("\"border\" besides \"knots\"", "one of them");
     std::vector<double> numbers;
     for (const JsonValue k : knots->array()) numbers.push_back(k.number());
+    if (at) {
+      std::vector<double> rest;
+      for (const JsonValue u : at->array()) rest.push_back(u.number());
+      return checked(*at, "knots and nodes of a spline with coincident borders",
+                     [&] { return AxisBasis::coincident(p, std::move(numbers), std::move(rest)); });
+    }
     return checked(*knots, "knots of a spline", [&] { return AxisBasis::withKnots(p, std::move(numbers)); });
   }
+  if (at) at->fail("\"at\" without \"knots\"", "both");
   const int n = static_cast<int>(object.require("nodes").integer(2, 0x7FFFFFFF));
   if (!spline) return AxisBasis::bernstein(n);
   return AxisBasis::bspline(n, p, border && border->word({"coincident", "free"}) == 1 ? Border::Free : Border::Coincident);
@@ -52,13 +59,18 @@ AxisBasis axisFromJson(const JsonValue& object) {
 
 void axisToJson(const AxisBasis& axis, JsonWriter& json) {
   json.beginObject(JsonLayout::Inline).member("basis", toString(axis.kind()));
-  if (axis.kind() == BasisKind::Bernstein || axis.border() != Border::Knots) json.member("nodes", axis.nodes());
+  if (axis.uniform()) json.member("nodes", axis.nodes());
   if (axis.kind() == BasisKind::BSpline) {
     json.member("degree", axis.degree());
-    if (axis.border() == Border::Knots) {
+    if (!axis.uniform()) {
       json.key("knots").beginArray();
       for (const double k : axis.knots()) json.value(k);
       json.end();
+      if (axis.border() == Border::Coincident) {
+        json.key("at").beginArray();
+        for (int i = 0; i < axis.nodes(); ++i) json.value(axis.restNode(i));
+        json.end();
+      }
     } else {
       json.member("border", toString(axis.border()));
     }
@@ -106,6 +118,7 @@ void movesToJson(const Lattice& l, JsonWriter& json) {
 Lattice parseJson(std::string text, const std::filesystem::path& path) {
   const JsonDocument document = JsonDocument::parse(std::move(text), path);
   document.requireFormat(kFormatName, 1);
+  if (const auto sculpt = document.root().find("sculpt")) sculpt->fail("", "no \"sculpt\" in a lattice file, only in a scene");
   return latticeFromJson(document.root());
 }
 
@@ -137,7 +150,7 @@ void latticeBoxToJson(const LatticeBox& box, JsonWriter& json) {
 }
 
 Lattice latticeFromJson(const JsonValue& object) {
-  object.allowKeys({"format", "version", "box", "axes", "outside", "displacements", "moves"});
+  object.allowKeys({"format", "version", "box", "axes", "outside", "displacements", "moves", "sculpt"});
   Lattice l;
   if (const auto box = given(object, "box")) l.box = latticeBoxFromJson(*box);
   const JsonValue axes = object.require("axes");

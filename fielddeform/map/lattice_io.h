@@ -36,7 +36,7 @@ void writeLattice(const Lattice& lattice, const std::filesystem::path& path);
 /// The text of a lattice file. @throw std::invalid_argument if the lattice is not valid
 std::string formatLattice(const Lattice& lattice, LatticeFormat format);
 
-/// A lattice as a JSON object without "format" and "version", as it stands in scenes.
+/// A lattice as a JSON object without "format" and "version", as it stands in scenes (where "sculpt" may stand beside it).
 /// @throw IoError naming the place of the mistake
 Lattice latticeFromJson(const JsonValue& object);
 /// The members of such an object, into one that is open.

@@ -164,10 +164,17 @@ class Scanner {
         while (words_.find_first_not_of(kBlank) != std::string_view::npos) knots.push_back(number("knot"));
         return AxisBasis::withKnots(degree, std::move(knots));
       }
+      if (kind == "refined") {  // degree, then the nodes' places between 0 and 1, then the knots
+        const int degree = integer(2, 3);
+        std::vector<double> rest, knots;
+        while (rest.empty() || rest.back() < 1) rest.push_back(number("node"));
+        while (words_.find_first_not_of(kBlank) != std::string_view::npos) knots.push_back(number("knot"));
+        return AxisBasis::coincident(degree, std::move(knots), std::move(rest));
+      }
     } catch (const std::invalid_argument& problem) {
       fail(problem.what(), "an axis");
     }
-    fail(shown(kind), "bernstein, bspline or knots");
+    fail(shown(kind), "bernstein, bspline, knots or refined");
   }
 
   std::string_view rest_, words_;
@@ -186,8 +193,10 @@ std::string vectorText(const Vec3& x) {
 
 std::string axisText(const AxisBasis& axis) {
   if (axis.kind() == BasisKind::Bernstein) return fmt::format("bernstein {}", axis.nodes());
-  if (axis.border() != Border::Knots) return fmt::format("bspline {} {} {}", axis.nodes(), axis.degree(), toString(axis.border()));
-  std::string text = fmt::format("knots {}", axis.degree());
+  if (axis.uniform()) return fmt::format("bspline {} {} {}", axis.nodes(), axis.degree(), toString(axis.border()));
+  const bool refined = axis.border() == Border::Coincident;
+  std::string text = fmt::format("{} {}", refined ? "refined" : "knots", axis.degree());
+  for (int i = 0; refined && i < axis.nodes(); ++i) text += ' ' + shortestNumber(axis.restNode(i));
   for (const double k : axis.knots()) text += ' ' + shortestNumber(k);
   return text;
 }

@@ -62,6 +62,22 @@ class GffdMethod final : public Method {
     return refined;
   }
 
+  std::vector<double> falloffWeights(const mesh::Mesh& mesh) override {
+    if (!map_->hasFalloff()) return {};
+    return map_->falloffWeights(bindingOf(mesh));
+  }
+
+  void updateResiduals(const mesh::Mesh& mesh, Points tracked, Points moved, std::span<float> residual) override {
+    std::vector<Index> point;
+    std::vector<Vec3> position;
+    for (Index v = 0; v < moved.size(); ++v)
+      if (moved[v] != tracked[v]) point.push_back(v), position.push_back(moved[v]);
+    if (point.empty()) return;
+    std::vector<float> now(point.size());
+    map_->residuals(bindingOf(mesh), point, position, now);
+    for (std::size_t k = 0; k < point.size(); ++k) residual[point[k]] = now[k];
+  }
+
   void describe(Report& r) const override {
     const gffd::ResolvedOptions& resolved = map_->resolved();
     r.method = "gffd";
@@ -83,14 +99,19 @@ class GffdMethod final : public Method {
   skeleton::SkeletonPair overlay() const override { return map_->resolved().skeletons; }
 
   Posed poseAt(const mesh::Mesh& mesh, double t, Progress& progress) override {
-    if (!binding_) binding_ = map_->bind(mesh.positions());
     const gffd::GffdMap map =
         map_->withPose(detail::poseAt(skeletons_, scene_, mesh, map_->resolved().skeletons, t));
     // As the result was tracked: a retry of its own could choose otherwise.
-    return posedOf(gffd::deformOnce(mesh, map, *binding_, progress));
+    return posedOf(gffd::deformOnce(mesh, map, bindingOf(mesh), progress));
   }
 
  private:
+  // Of the mesh as it came out of tracking and resampling; made once.
+  const map::Binding& bindingOf(const mesh::Mesh& mesh) {
+    if (!binding_) binding_ = map_->bind(mesh.positions());
+    return *binding_;
+  }
+
   // Why a vertex follows nothing, if it is that no primitive at rest has a posed partner.
   std::optional<std::string> unpaired() const {
     const skeleton::SkeletonPair& pair = skeletons_.pair;
@@ -140,7 +161,5 @@ class GffdMethod final : public Method {
 }  // namespace
 
 std::unique_ptr<Method> makeGffdMethod(const Scene& scene) { return std::make_unique<GffdMethod>(scene); }
-
-std::unique_ptr<Method> makeMethod(const Scene& scene) { return makeGffdMethod(scene); }
 
 }  // namespace fielddeform::scene::detail

@@ -69,9 +69,11 @@ render::Image drawBeforeAfter(const mesh::Mesh& mesh, const std::vector<Vec3>& p
     body.mesh = shared;
     body.positions = std::move(positions);
     v.bodies.push_back(std::move(body));
-    render::Overlay overlay;
-    overlay.skeleton = skeleton;
-    v.overlays.push_back(std::move(overlay));
+    if (!skeleton.primitives.empty()) {
+      render::Overlay overlay;
+      overlay.skeleton = skeleton;
+      v.overlays.push_back(std::move(overlay));
+    }
     v.label = std::move(label);
     return v;
   };

@@ -1,5 +1,6 @@
 #include <fielddeform/core/json_writer.h>
 #include <fielddeform/core/version.h>
+#include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/report.h>
 
 #include <algorithm>
@@ -37,6 +38,7 @@ void writeVolume(JsonWriter& json, const VolumeReport& volume) {
   writeNumber(json, "relative_change", volume.relativeChange());
   writeNumber(json, "as_written", volume.asWritten);
   if (!volume.reason.empty()) json.member("reason", volume.reason);
+  if (volume.pass) detail::writeVolumePassReport(json, *volume.pass);
   json.end();
 }
 
@@ -69,6 +71,49 @@ MaxAndP99 maxAndP99(std::vector<float> values) {
   return {*std::max_element(at, values.end()), *at};
 }
 
+namespace {
+
+// Targets that are missed, the first thousand of a move: a file of millions is read by nobody.
+void writeMissed(JsonWriter& json, const std::vector<map::TargetState>& states, std::string_view key) {
+  constexpr int kMost = 1000;
+  int written = 0;
+  json.key(key).beginArray();
+  for (std::size_t i = 0; i < states.size() && written < kMost; ++i) {
+    if (states[i].outcome == map::TargetOutcome::Met) continue;
+    json.beginObject(JsonLayout::Inline).member("target", i);
+    json.member("outcome", states[i].outcome == map::TargetOutcome::Unmet ? "unmet" : "outside").member("miss", states[i].miss).end();
+    ++written;
+  }
+  json.end();
+}
+
+void writeMoves(JsonWriter& json, const std::vector<map::MoveReport>& moves) {
+  if (moves.empty()) return;
+  json.key("moves").beginArray();
+  for (const map::MoveReport& m : moves) {
+    json.beginObject().member("op", m.kind).member("vertices", m.vertices);
+    json.key("nodes").beginArray(JsonLayout::Inline);
+    for (const int n : m.nodes) json.value(n);
+    json.end().member("refinements", m.refinements);
+    if (m.kind == "press") {
+      json.member("rounds", m.rounds).member("deepest_before", m.deepestBefore).member("deepest_after", m.deepestAfter);
+      json.member("penetrating", m.penetrating);
+    } else {
+      json.member("met", m.solve.met).member("unmet", m.solve.unmet).member("outside", m.solve.outside);
+      json.member("largest_miss", m.solve.largestMiss).member("largest_pin_shift", m.solve.largestPinShift);
+    }
+    json.member("change", m.solve.change).member("advice", m.advice);
+    if (m.kind == "targets") {
+      writeMissed(json, m.solve.points, "missed");
+      writeMissed(json, m.solve.directions, "missed_directions");
+    }
+    json.end();
+  }
+  json.end();
+}
+
+}  // namespace
+
 std::string toJson(const Report& report) {
   JsonWriter json;
   json.beginObject();
@@ -92,6 +137,7 @@ std::string toJson(const Report& report) {
   json.key("stretch").beginObject(JsonLayout::Inline);
   writeMaxAndP99(json, report.stretch);
   json.end();
+  writeMoves(json, report.moves);
   json.key("warnings").beginArray();
   for (const std::string& warning : report.warnings) json.value(warning);
   json.end();

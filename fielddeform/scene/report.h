@@ -1,6 +1,8 @@
 #pragma once
 
+#include <fielddeform/map/sculpt.h>
 #include <fielddeform/core/status.h>
+#include <fielddeform/volume/local.h>
 
 #include <optional>
 #include <string>
@@ -9,20 +11,29 @@
 
 namespace fielddeform::scene {
 
+struct MaxAndP99 {
+  double max = 0;
+  double p99 = 0;  ///< 99 of 100 values are not larger (nearest rank)
+};
+
+/// What the volume pass was and did.
+struct VolumePassReport {
+  volume::LocalOptions options;
+  volume::LocalReport result;
+  std::size_t foldsBefore = 0, foldsAfter = 0;   ///< against the rest, without and with the pass
+  MaxAndP99 residualBefore, residualAfter;       ///< of the field, world units; zeros for methods without one
+};
+
 /// Volume enclosed by the faces (each polygon the fan from its corner 0), world units cubed.
 struct VolumeReport {
   std::optional<double> before;
   std::optional<double> after;
   std::optional<double> asWritten;     ///< after rounding to the types of the written file; absent if nothing is written
   std::string reason;                  ///< why there is none, e.g. "the mesh is open"; empty if there is one
+  std::optional<VolumePassReport> pass;
 
   /// (after - before) / before; absent without both or if before is 0.
   std::optional<double> relativeChange() const;
-};
-
-struct MaxAndP99 {
-  double max = 0;
-  double p99 = 0;  ///< 99 of 100 values are not larger (nearest rank)
 };
 
 /// The greatest value and the 99th percentile; zeros for no values. NaN values are left out.
@@ -50,10 +61,11 @@ struct Report {
   double tolerance = 0;               ///< world units
   std::size_t foldsBefore = 0;        ///< folded edges of the input by itself (cosine of its normals below -0.3)
   std::size_t foldsAfter = 0;         ///< edges that the deformation folded
-  std::size_t flipped = 0;            ///< faces turned against the map's own rotation
+  std::size_t flipped = 0;            ///< faces turned against the rotation that fits the surface around them best
   VolumeReport volume;
   std::size_t insertedVertices = 0;
   MaxAndP99 stretch;                  ///< edge length after / before
+  std::vector<map::MoveReport> moves{};  ///< of sculpted lattices, in their order
   std::vector<std::string> warnings;  ///< sentences
   RunFacts run;
 };

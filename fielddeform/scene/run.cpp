@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 using detail::Posed;
 
-constexpr const char* kMaskName = "fielddeform mask";
+constexpr const char *kMaskName = "fielddeform mask", *kVolumeMaskName = "fielddeform volume mask";
 
 double peakMemoryMb() {
   rusage usage{};
@@ -39,8 +39,10 @@ class Runner {
     stage(method_->preparation(), [&] { method_->prepare(mesh_); });
     stage("bind", [&] { method_->bind(mesh_); });
     stage("track", [&] { posed_ = method_->track(mesh_, result_.report.warnings, progress_); });
+    if (scene_.output.affectedAttribute) markAffected();
     if (scene_.resample) stage("resample", [&] { resample(); });
     if (!mask_.empty()) applyMask(mask_, mesh_.positions(), posed_.position, posed_.status, posed_.residual);
+    if (scene_.volume) stage("volume", [&] { preserveVolume(); });
     stage("report", [&] { measure(); });
     result_.radiusWasAutomatic = method_->radiusWasAutomatic();
     resolveScene();
@@ -91,6 +93,7 @@ class Runner {
     if (report.invalidPoints > 0)
       warn(fmt::format("{} vertices with coordinates that are not finite were left as they are", report.invalidPoints));
     if (scene_.mask) mask_ = readMask(*scene_.mask, mesh_);
+    if (scene_.volume && scene_.volume->mask) volumeMask_ = readVolumeMask();
   }
 
   // Squares and cubes of lengths must stay numbers.
@@ -106,13 +109,9 @@ class Runner {
 
   void resample() {
     const std::size_t before = mesh_.vertexCount();
-    // The mask rides along as an attribute, so that inserted vertices get theirs.
-    if (!mask_.empty()) {
-      mesh::Attribute carried;
-      carried.name = kMaskName;
-      carried.data = mask_;
-      mesh_.attributes().push_back(std::move(carried));
-    }
+    // Masks ride along as attributes, so that inserted vertices get theirs.
+    carry(kMaskName, mask_);
+    carry(kVolumeMaskName, volumeMask_);
     posed_ = {};
     foldsOfInput_ = mesh::countSharpEdges(mesh_, mesh_.positions());
     resample::Refined refined = method_->refine(mesh_, *scene_.resample, result_.report.warnings, progress_);
@@ -120,9 +119,66 @@ class Runner {
     posed_ = {std::move(refined.posed), std::move(refined.status), std::move(refined.residual)};
     result_.report.insertedVertices = mesh_.vertexCount() - before;
     if (!refined.report.message.empty()) warn(refined.report.message);
-    if (mask_.empty()) return;
-    mask_ = std::get<std::vector<double>>(mesh_.find(mesh::Element::Vertex, kMaskName)->data);
-    std::erase_if(mesh_.attributes(), [](const mesh::Attribute& a) { return a.name == kMaskName; });
+    takeBack(kMaskName, mask_);
+    takeBack(kVolumeMaskName, volumeMask_);
+  }
+
+  // Rides along as an attribute, so that inserted vertices get theirs.
+  void markAffected() {
+    mesh::Attribute attribute;
+    attribute.name = "affected";
+    std::vector<float> share = method_->affected();
+    if (share.empty()) return warn("the attribute \"affected\" is of lattices: not written");
+    attribute.data = std::move(share);
+    std::erase_if(mesh_.attributes(), [](const mesh::Attribute& a) { return a.on == mesh::Element::Vertex && a.name == "affected"; });
+    mesh_.attributes().push_back(std::move(attribute));
+  }
+
+  void carry(const char* name, const std::vector<double>& values) {
+    if (values.empty()) return;
+    mesh::Attribute carried;
+    carried.name = name;
+    carried.data = values;
+    mesh_.attributes().push_back(std::move(carried));
+  }
+
+  void takeBack(const char* name, std::vector<double>& values) {
+    if (values.empty()) return;
+    values = std::get<std::vector<double>>(mesh_.find(mesh::Element::Vertex, name)->data);
+    std::erase_if(mesh_.attributes(), [&](const mesh::Attribute& a) { return a.name == name; });
+  }
+
+  std::vector<double> readVolumeMask() const {
+    std::vector<double> mask = readMask(*scene_.volume->mask, mesh_);
+    for (std::size_t v = 0; v < mask.size(); ++v)
+      if (!(mask[v] >= 0 && mask[v] <= 1))
+        throw std::invalid_argument(fmt::format("volume mask is {} at vertex {}, expected 0 to 1", mask[v], v));
+    return mask;
+  }
+
+  volume::LocalReport passOver(std::vector<Vec3>& position) {
+    if (weight_.empty()) weight_ = method_->falloffWeights(mesh_);
+    volume::LocalResult r = volume::preserveLocally(
+        {.rest = mesh_, .posed = position, .weight = weight_, .mask = volumeMask_}, scene_.volume->options, progress_);
+    position = std::move(r.position);
+    return std::move(r.report);
+  }
+
+  // Statuses stay those of tracking; the pass reports by itself what it changed.
+  void preserveVolume() {
+    VolumePassReport& pass = result_.report.volume.pass.emplace();
+    pass.options = scene_.volume->options;
+    const std::vector<Vec3> tracked = posed_.position;
+    pass.result = passOver(posed_.position);
+    pass.foldsBefore = mesh::countFolds(mesh_, mesh_.positions(), tracked);
+    pass.foldsAfter = pass.result.needed ? mesh::countFolds(mesh_, mesh_.positions(), posed_.position) : pass.foldsBefore;
+    std::vector<float> residual = posed_.residual;
+    pass.residualBefore = maxAndP99(residual);
+    method_->updateResiduals(mesh_, tracked, posed_.position, residual);
+    pass.residualAfter = maxAndP99(std::move(residual));
+    for (const std::string& warning : pass.result.warnings) warn(warning);
+    if (pass.foldsAfter > pass.foldsBefore)
+      warn(fmt::format("the volume pass folded {} edges more", pass.foldsAfter - pass.foldsBefore));
   }
 
   void measure() {
@@ -200,6 +256,7 @@ class Runner {
       progress_.throwIfCancelled();
       Posed posed = method_->poseAt(mesh_, static_cast<double>(k) / last, progress_);
       if (!mask_.empty()) applyMask(mask_, mesh_.positions(), posed.position, posed.status, posed.residual);
+      if (scene_.volume) passOver(posed.position);
       mesh::Mesh frame = mesh_;
       detail::writeOutput(frame, std::move(posed), output, file(k), progress_);
     }
@@ -224,7 +281,8 @@ class Runner {
   RunResult result_;
   std::optional<AtomicFile> report_;  // reserved at the start
   mesh::Mesh mesh_;                   // at rest; refined by resample()
-  std::vector<double> mask_;          // #V or empty
+  std::vector<double> mask_, volumeMask_;  // #V or empty
+  std::vector<double> weight_;        // the falloff's, once it was asked for
   Posed posed_;
   std::optional<std::size_t> foldsOfInput_;  ///< counted before resampling divides its edges
   render::Image picture_;

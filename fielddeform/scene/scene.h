@@ -2,10 +2,12 @@
 
 #include <fielddeform/gffd/options.h>
 #include <fielddeform/map/lattice.h>
+#include <fielddeform/map/move_io.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/resample/refine.h>
 #include <fielddeform/skeleton/edit.h>
 #include <fielddeform/skeleton/skeleton.h>
+#include <fielddeform/volume/local.h>
 
 #include <filesystem>
 #include <optional>
@@ -32,6 +34,12 @@ struct Mask {
   std::filesystem::path file;   ///< text, one number a vertex
 };
 
+/// Gives the object back the volume that the deformation took or added.
+struct VolumePass {
+  volume::LocalOptions options;
+  std::optional<Mask> mask;     ///< for volume::MaskKind::Given: 0 to 1 a vertex
+};
+
 /// A lattice made for each mesh, with nodes moved by number.
 struct LatticeRule {
   std::array<int, 3> nodes{2, 2, 2};          ///< per axis
@@ -49,10 +57,19 @@ struct LatticeRule {
   std::vector<Move> moves{};                  ///< several of one node add up
 };
 
+/// Points of the mesh that a lattice is to move: its nodes follow by map::sculpt(), which may refine it.
+struct Sculpt {
+  std::vector<map::MoveSpec> moves{};         ///< one after the other
+  std::filesystem::path pins{};               ///< map::readPins(): points that may not move; empty: none
+  std::size_t maxNodes = 0;                   ///< up to which the lattice may be refined; 0: not
+  double tolerance = 1e-9;                    ///< what targets may miss, share of the lattice's size, > 0
+};
+
 /// One lattice of a scene: a file, the lattice itself, or a rule.
 struct LatticeStep {
   std::variant<std::filesystem::path, map::Lattice, LatticeRule> source;
   bool fit = false;                           ///< carry the lattice over to the box of this mesh, displacements included
+  Sculpt sculpt{};                            ///< on top of its displacements
 };
 
 enum class Axis : std::uint8_t { X, Y, Z };
@@ -80,6 +97,7 @@ struct Output {
   bool statusAttribute = false;             ///< vertex attribute "status": 0 fixed, 1 converged, 2 limited, 3 stalled, 4 invalid
   bool residualAttribute = false;           ///< vertex attribute "residual", world units
   bool displacementAttribute = false;       ///< vertex attribute "displacement", 3 wide, world units
+  bool affectedAttribute = false;           ///< vertex attribute "affected": share in [0, 1] that moved lattice nodes carry
   int frames = 0;                           ///< 0: the result alone; n >= 2: that many files from the input (t = 0) to the result (t = 1)
 };
 
@@ -95,6 +113,7 @@ struct Scene {
   std::optional<Axis> symmetry;               ///< mirror the edits about the middle of the mesh's box
   gffd::Options tracking;
   std::optional<resample::Options> resample;
+  std::optional<VolumePass> volume;
   std::optional<Mask> mask;
   Output output;
   std::optional<Check> check;

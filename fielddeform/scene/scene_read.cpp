@@ -1,15 +1,21 @@
 #include <fielddeform/core/angle.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
+#include <fielddeform/map/lattice_io.h>
+#include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/scene.h>
 #include <fielddeform/skeleton/edit_io.h>
 #include <fielddeform/skeleton/io.h>
 #include <fmt/format.h>
 
+#include <vector>
+
 namespace fielddeform::scene {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::uint64_t kMaxAxisNodes = 65536;
 
 // The member if it is there and not null: null says "the default" throughout.
 std::optional<JsonValue> given(const JsonValue& object, std::string_view key) {
@@ -73,6 +79,65 @@ void readSkeletons(const JsonValue& object, const fs::path& folder, Scene& scene
     }
   }
   if (const auto radius = given(object, "radius")) scene.tracking.radius = radius->positive();
+}
+
+std::array<int, 3> readNodeNumbers(const JsonValue& value, std::uint64_t low, std::uint64_t high) {
+  std::array<int, 3> numbers{};
+  int* next = numbers.data();
+  for (const JsonValue number : value.array(3)) *next++ = static_cast<int>(number.integer(low, high));
+  return numbers;
+}
+
+LatticeRule readLatticeRule(const JsonValue& object) {
+  object.allowKeys({"nodes", "basis", "degree", "border", "box", "padding", "outside", "moves", "sculpt"});
+  LatticeRule rule;
+  rule.nodes = readNodeNumbers(object.require("nodes"), 2, kMaxAxisNodes);
+  if (const auto word = given(object, "basis")) rule.basis = static_cast<map::BasisKind>(word->word({"bernstein", "bspline"}));
+  if (const auto n = given(object, "degree")) rule.degree = static_cast<int>(n->integer(1, 3));
+  if (const auto word = given(object, "border")) rule.border = static_cast<map::Border>(word->word({"coincident", "free"}));
+  if (const auto box = given(object, "box")) {
+    if (box->kind() == JsonKind::String) rule.oriented = box->word({"auto", "oriented"}) == 1;
+    else rule.box = map::latticeBoxFromJson(*box);
+  }
+  if (const auto padding = given(object, "padding")) rule.padding = padding->inRange(0, 1e6);
+  if (const auto word = given(object, "outside")) rule.outside = static_cast<map::Outside>(word->word({"extend", "keep"}));
+  if (const auto moves = given(object, "moves")) {
+    for (const JsonValue move : moves->array()) {
+      move.allowKeys({"node", "by"});
+      rule.moves.push_back({readNodeNumbers(move.require("node"), 0, kMaxAxisNodes), move.require("by").vec3()});
+    }
+  }
+  return rule;
+}
+
+Sculpt readSculpt(const JsonValue& object, const fs::path& folder) {
+  object.allowKeys({"moves", "pins", "refine", "tolerance"});
+  Sculpt sculpt;
+  const JsonValue moves = object.require("moves");
+  for (const JsonValue move : moves.array()) sculpt.moves.push_back(map::moveFromJson(move, folder));
+  if (sculpt.moves.empty()) moves.fail("no moves", "at least one");
+  if (const auto pins = given(object, "pins")) sculpt.pins = readPath(*pins, folder);
+  if (const auto refine = given(object, "refine")) sculpt.maxNodes = static_cast<std::size_t>(refine->integer(0, 1u << 24));
+  if (const auto tolerance = given(object, "tolerance")) sculpt.tolerance = tolerance->positive();
+  return sculpt;
+}
+
+// A file's path, {"file": PATH, "fit": true}, a lattice itself ("axes" among its keys), or a rule.
+LatticeStep readLatticeStep(const JsonValue& value, const fs::path& folder) {
+  if (value.kind() == JsonKind::String) return {readPath(value, folder), false, {}};
+  if (value.kind() != JsonKind::Object) value.fail("", "a file's path, a lattice, or a rule that makes one");
+  LatticeStep step;
+  if (const auto file = value.find("file")) {
+    value.allowKeys({"file", "fit", "sculpt"});
+    step.source = readPath(*file, folder);
+    setFlag(value, "fit", step.fit);
+  } else if (value.find("axes")) {
+    step.source = map::latticeFromJson(value);
+  } else {
+    step.source = readLatticeRule(value);
+  }
+  if (const auto sculpt = given(value, "sculpt")) step.sculpt = readSculpt(*sculpt, folder);
+  return step;
 }
 
 void readField(const JsonValue& object, field::FieldOptions& field) {
@@ -144,8 +209,11 @@ void readOutput(const JsonValue& object, const fs::path& folder, Output& output)
     output.normals = static_cast<Normals>(word->word({"turn", "recompute", "keep"}));
   if (const auto list = given(object, "attributes")) {
     for (const JsonValue item : list->array()) {
-      const std::size_t which = item.word({"status", "residual", "displacement"});
-      (which == 0 ? output.statusAttribute : which == 1 ? output.residualAttribute : output.displacementAttribute) = true;
+      const std::size_t which = item.word({"status", "residual", "displacement", "affected"});
+      (which == 0   ? output.statusAttribute
+       : which == 1 ? output.residualAttribute
+       : which == 2 ? output.displacementAttribute
+                    : output.affectedAttribute) = true;
     }
   }
   if (const auto n = given(object, "frames")) {
@@ -169,26 +237,41 @@ Check readCheck(const JsonValue& object) {
   return check;
 }
 
+// What deforms: a skeleton and its edits, or lattices. Keys of the other method are refused, not ignored.
+void readMethod(const JsonValue& root, const fs::path& folder, Scene& scene) {
+  const auto method = given(root, "method");
+  const bool lattice = method && method->word({"gffd", "lattice"}) == 1;
+  for (const char* key : lattice ? std::vector{"skeleton", "edits", "symmetry", "field", "tracking"} : std::vector{"lattices"})
+    if (const auto other = given(root, key))
+      other->fail(fmt::format("\"{}\"", key), fmt::format("no such key with the method \"{}\"", lattice ? "lattice" : "gffd"));
+  if (lattice) {
+    const JsonValue lattices = root.require("lattices");
+    for (const JsonValue step : lattices.array()) scene.lattices.push_back(readLatticeStep(step, folder));
+    if (scene.lattices.empty()) lattices.fail("no lattices", "at least one");
+    return;
+  }
+  readSkeletons(root.require("skeleton"), folder, scene);
+  if (const auto edits = given(root, "edits"))
+    for (const JsonValue edit : edits->array()) scene.edits.push_back(skeleton::editFromJson(edit));
+}
+
 void readParts(const JsonValue& root, const fs::path& folder, Scene& scene) {
   if (const auto seed = given(root, "seed")) scene.seed = seed->integer(0, std::uint64_t{1} << 53);
   const JsonValue inputs = root.require("inputs");
   for (const JsonValue input : inputs.array()) scene.inputs.push_back(readPath(input, folder));
   if (scene.inputs.empty()) inputs.fail("no inputs", "at least one mesh");
-  if (const auto method = given(root, "method")) method->word({"gffd"});
+  readMethod(root, folder, scene);
   bool skipInvalid = false;
   setFlag(root, "skip_invalid", skipInvalid);
   if (skipInvalid) scene.read.invalid = mesh::InvalidPoints::Keep;
   bool weld = false;
   setFlag(root, "weld", weld);
   if (weld) scene.read.weld = mesh::Weld::Exact;
-  readSkeletons(root.require("skeleton"), folder, scene);
-  if (const auto edits = given(root, "edits"))
-    for (const JsonValue edit : edits->array()) scene.edits.push_back(skeleton::editFromJson(edit));
   if (const auto symmetry = given(root, "symmetry")) scene.symmetry = static_cast<Axis>(symmetry->word({"x", "y", "z"}));
   if (const auto field = given(root, "field")) readField(*field, scene.tracking.field);
   if (const auto tracking = given(root, "tracking")) readTracking(*tracking, scene.tracking);
   if (const auto resample = given(root, "resample")) scene.resample = readResample(*resample);
-  if (const auto volume = given(root, "volume")) volume->fail("", "null: this version has no volume pass");
+  if (const auto volume = given(root, "volume")) scene.volume = detail::readVolumePass(*volume, folder);
   if (const auto mask = given(root, "mask")) scene.mask = readMask(*mask, folder);
   readOutput(root.require("output"), folder, scene.output);
   if (const auto check = given(root, "check")) scene.check = readCheck(*check);
@@ -206,7 +289,7 @@ void checkTogether(const JsonValue& root, const Scene& scene) {
 Scene sceneOf(const JsonDocument& document) {
   document.requireFormat("fielddeform-scene", 1);
   const JsonValue root = document.root();
-  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "skeleton", "edits", "symmetry",
+  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "lattices", "skeleton", "edits", "symmetry",
                   "field", "tracking", "resample", "volume", "mask", "output", "check", "extras"});
   Scene scene;
   readParts(root, document.path().parent_path(), scene);

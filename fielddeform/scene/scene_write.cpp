@@ -1,6 +1,8 @@
 #include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/json_writer.h>
+#include <fielddeform/map/lattice_io.h>
 #include <fielddeform/scene/detail/scene_json.h>
+#include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/scene.h>
 #include <fielddeform/skeleton/edit_io.h>
 #include <fielddeform/skeleton/io.h>
@@ -13,6 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array<std::string_view, 3> kAxes{"x", "y", "z"};
+constexpr std::array<std::string_view, 3> kBorders{"coincident", "free", "knots"};
 constexpr std::array<std::string_view, 3> kCriteria{"stretch", "deviation", "both"};
 constexpr std::array<std::string_view, 3> kNormals{"turn", "recompute", "keep"};
 
@@ -58,6 +61,54 @@ void writeSkeletons(JsonWriter& json, const Scene& scene, const fs::path* folder
   json.end();
 }
 
+void writeSculpt(JsonWriter& json, const Sculpt& sculpt, const fs::path* folder) {
+  if (sculpt.moves.empty()) return;
+  const auto text = [&](const fs::path& path) { return folder ? pathText(path, *folder) : std::string(); };
+  json.key("sculpt").beginObject().key("moves").beginArray();
+  for (const map::MoveSpec& move : sculpt.moves) map::moveToJson(move, json, text);
+  json.end();
+  if (!sculpt.pins.empty()) json.member("pins", text(sculpt.pins));
+  json.member("refine", sculpt.maxNodes).member("tolerance", sculpt.tolerance).end();
+}
+
+void writeLatticeRule(JsonWriter& json, const LatticeRule& rule) {
+  json.key("nodes").beginArray(JsonLayout::Inline);
+  for (const int n : rule.nodes) json.value(n);
+  json.end().member("basis", rule.basis == map::BasisKind::BSpline ? "bspline" : "bernstein");
+  json.member("degree", rule.degree).member("border", kBorders[static_cast<std::size_t>(rule.border)]).key("box");
+  if (rule.box) map::latticeBoxToJson(*rule.box, json);
+  else json.value(rule.oriented ? "oriented" : "auto");
+  json.member("padding", rule.padding).member("outside", rule.outside == map::Outside::Keep ? "keep" : "extend");
+  json.key("moves").beginArray();
+  for (const LatticeRule::Move& move : rule.moves) {
+    json.beginObject(JsonLayout::Inline).key("node").beginArray(JsonLayout::Inline);
+    for (const int n : move.node) json.value(n);
+    json.end().member("by", move.by).end();
+  }
+  json.end();
+}
+
+void writeLattices(JsonWriter& json, const Scene& scene, const fs::path* folder) {
+  json.key("lattices").beginArray();
+  for (const LatticeStep& step : scene.lattices) {
+    const bool file = std::holds_alternative<fs::path>(step.source);
+    json.beginObject(file && step.sculpt.moves.empty() ? JsonLayout::Inline : JsonLayout::Lines);
+    if (const auto* lattice = std::get_if<map::Lattice>(&step.source)) {
+      map::latticeToJson(*lattice, json);
+    } else if (const auto* rule = std::get_if<LatticeRule>(&step.source)) {
+      writeLatticeRule(json, *rule);
+    } else {
+      json.key("file");
+      if (folder) json.value(pathText(std::get<fs::path>(step.source), *folder));
+      else json.null();
+      json.member("fit", step.fit);
+    }
+    writeSculpt(json, step.sculpt, folder);
+    json.end();
+  }
+  json.end();
+}
+
 void writeTracking(JsonWriter& json, const gffd::Options& t) {
   json.key("field").beginObject(JsonLayout::Inline).member("distance", "exact");
   json.member("potential", skeleton::toString(t.field.potential)).member("sharpness", t.field.sharpness).end();
@@ -69,6 +120,15 @@ void writeTracking(JsonWriter& json, const gffd::Options& t) {
   json.member("guard", t.guard).member("strict_value", t.strictValue).member("substeps", t.substeps);
   json.member("retry", t.retry);
   json.member("midpoint", t.midpointValue == gffd::MidpointValue::Mean ? "mean" : "sampled").end();
+}
+
+void writeSkeletonMethod(JsonWriter& json, const Scene& scene, const fs::path* folder) {
+  writeSkeletons(json, scene, folder);
+  json.key("edits").beginArray();
+  for (const auto& edit : scene.edits) skeleton::editToJson(edit, json);
+  json.end();
+  if (scene.symmetry) json.member("symmetry", toString(*scene.symmetry));
+  writeTracking(json, scene.tracking);
 }
 
 void writeResample(JsonWriter& json, const std::optional<resample::Options>& options) {
@@ -97,6 +157,7 @@ void writeOutput(JsonWriter& json, const Output& output, const fs::path* folder)
   if (output.statusAttribute) json.value("status");
   if (output.residualAttribute) json.value("residual");
   if (output.displacementAttribute) json.value("displacement");
+  if (output.affectedAttribute) json.value("affected");
   json.end();
   if (output.frames > 0) json.member("frames", output.frames);
   json.end();
@@ -128,15 +189,15 @@ void writeSceneBody(JsonWriter& json, const Scene& scene, const fs::path* folder
   }
   if (scene.read.invalid == mesh::InvalidPoints::Keep) json.member("skip_invalid", true);
   if (scene.read.weld == mesh::Weld::Exact) json.member("weld", true);
-  json.member("method", "gffd");
-  writeSkeletons(json, scene, folder);
-  json.key("edits").beginArray();
-  for (const auto& edit : scene.edits) skeleton::editToJson(edit, json);
-  json.end();
-  if (scene.symmetry) json.member("symmetry", toString(*scene.symmetry));
-  writeTracking(json, scene.tracking);
+  json.member("method", methodOf(scene));
+  if (scene.lattices.empty()) writeSkeletonMethod(json, scene, folder);
+  else writeLattices(json, scene, folder);
   writeResample(json, scene.resample);
-  json.key("volume").null();
+  json.key("volume");
+  if (scene.volume)
+    writeVolumePass(json, *scene.volume, folder ? [&](const fs::path& path) { return pathText(path, *folder); }
+                                                : std::function<std::string(const fs::path&)>{});
+  else json.null();
   if (scene.mask) {
     json.key("mask").beginObject(JsonLayout::Inline);
     if (!scene.mask->attribute.empty()) json.member("attribute", scene.mask->attribute);

@@ -1,8 +1,10 @@
 #include <fielddeform/mesh/mesh.h>
+#include <fielddeform/scene/detail/free_points.h>
 #include <fielddeform/scene/symmetry.h>
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <stdexcept>
 
 namespace fielddeform::scene {
@@ -42,27 +44,17 @@ class Mirror {
   MirrorPlane plane_;
 };
 
-// Primitive b's point for each of a's, if b is a's mirror image; empty if it is not.
-std::vector<Index> correspondence(const Primitive& a, const Primitive& b, const Mirror& mirror, double tolerance) {
+// For each of a's points the partner's, if `b` is a's mirror image; empty if it is not.
+std::vector<Index> correspondence(const Primitive& a, const Primitive& b, detail::FreePoints& pointsOfB, const Mirror& mirror,
+                                  double tolerance) {
   if (a.type != b.type || a.closed != b.closed || a.points.size() != b.points.size()) return {};
   std::vector<Index> partner;
-  std::vector<bool> taken(b.points.size(), false);
   for (const Vec3& p : a.points) {
-    const Vec3 image = mirror.point(p);
-    Index best = kNoIndex;
-    double bestDistance = tolerance;
-    for (Index k = 0; k < b.points.size(); ++k) {
-      const double distance = (b.points[k] - image).norm();
-      if (!taken[k] && distance <= bestDistance) {
-        if (distance == bestDistance && best != kNoIndex) continue;
-        best = k;
-        bestDistance = distance;
-      }
-    }
-    if (best == kNoIndex) return {};
-    taken[best] = true;
-    partner.push_back(best);
+    partner.push_back(pointsOfB.take(mirror.point(p), tolerance));
+    if (partner.back() == kNoIndex) break;
   }
+  pointsOfB.release();
+  if (!partner.empty() && partner.back() == kNoIndex) return {};
   return partner;
 }
 
@@ -121,17 +113,24 @@ class Symmetriser {
     return p.kind != PairKind::Matched || restOf(p).points != posedOf(p).points || !sameValues(restOf(p), posedOf(p));
   }
 
+  std::vector<Index> partnersOf(const Primitive& a, const Primitive& b) {
+    if (a.points.size() != b.points.size()) return {};
+    const auto [free, fresh] = free_.try_emplace(&b, b.points);
+    return correspondence(a, b, free->second, mirror_, tolerance_);
+  }
+
   void mirrorPair(std::size_t i) {
     const auto& a = in_.pairs[i];
+    if (!edited(a)) return;
     for (std::size_t j = 0; j < in_.pairs.size(); ++j) {
       const auto& b = in_.pairs[j];
       if (b.kind == PairKind::Added) continue;
-      const auto partner = correspondence(restOf(a), restOf(b), mirror_, tolerance_);
+      const auto partner = partnersOf(restOf(a), restOf(b));
       if (partner.empty()) continue;
-      if (edited(a)) carryOver(a, b, partner);
+      carryOver(a, b, partner);
       return;
     }
-    if (edited(a)) addTwin(a);
+    addTwin(a);
   }
 
   void carryOver(const skeleton::PrimitivePair& a, const skeleton::PrimitivePair& b, const std::vector<Index>& partner) {
@@ -204,7 +203,7 @@ class Symmetriser {
   void mirrorAdded(std::size_t i) {
     for (const auto& b : in_.pairs) {
       if (b.kind != PairKind::Added) continue;
-      if (!correspondence(posedOf(in_.pairs[i]), posedOf(b), mirror_, tolerance_).empty()) return;
+      if (!partnersOf(posedOf(in_.pairs[i]), posedOf(b)).empty()) return;
     }
     const std::string name = posedOf(in_.pairs[i]).name + ".mirror";
     requireFree(in_.posed, name);
@@ -228,6 +227,7 @@ class Symmetriser {
   const SkeletonPair& in_;
   Mirror mirror_;
   double tolerance_ = 0;
+  std::map<const Primitive*, detail::FreePoints> free_;  // of the input's primitives
   Skeleton rest_, posed_;
   std::vector<skeleton::NamedPair> names_;
   std::vector<std::string> dropped_;

@@ -46,15 +46,20 @@ struct PointFitOptions {
 Skeleton fitPoints(const mesh::Mesh& mesh, const PointFitOptions& options = {});
 
 struct LodFitOptions {
-  std::size_t faces = 200;          ///< of the simplified model at most, where its topology allows; at least 1
+  std::size_t faces = 500;          ///< of the simplified model at most, where its topology allows; at least 1
   std::string name = "lod";
+};
+
+struct LodFit {
+  Skeleton skeleton;                ///< one mesh with a radius
+  std::string message;              ///< one sentence if there are more faces than wanted, else empty
 };
 
 /// The object's own simplified model as one mesh primitive. [Qin et al. 2003, Fig. 11]
 /// Its points stand on vertices of the object and correspond by index, whatever pose they are moved to; closed if it
-/// bounds a solid.
+/// bounds a solid. Its radius reaches over three of its edges, so that neighbours blend.
 /// @throw std::invalid_argument for options out of range, and if the mesh has no face of three different finite vertices
-Skeleton fitLod(const mesh::Mesh& mesh, const LodFitOptions& options = {});
+LodFit fitLod(const mesh::Mesh& mesh, const LodFitOptions& options = {});
 
 /// The greatest distance from a finite vertex to a skeleton's points, lines and surfaces; 0 without finite vertices.
 double greatestDistance(Points vertices, const Skeleton& skeleton);

@@ -120,20 +120,28 @@ Skeleton fitPoints(const mesh::Mesh& mesh, const PointFitOptions& options) {
   return skeleton;
 }
 
-Skeleton fitLod(const mesh::Mesh& mesh, const LodFitOptions& options) {
-  const mesh::Lod lod = mesh::simplify(mesh, options.faces);
+LodFit fitLod(const mesh::Mesh& mesh, const LodFitOptions& options) {
+  mesh::Lod lod = mesh::simplify(mesh, options.faces);
   if (lod.mesh.faceCount() == 0)
     throw std::invalid_argument("skeleton: the mesh has no face of three different finite vertices to simplify");
   Primitive p;
   p.name = options.name;
   p.type = PrimitiveType::Mesh;
   p.points = lod.mesh.positions();
-  for (std::size_t f = 0; f < lod.mesh.faceCount(); ++f) p.faces.emplace_back(lod.mesh.face(f).begin(), lod.mesh.face(f).end());
+  double length = 0;
+  for (std::size_t f = 0; f < lod.mesh.faceCount(); ++f) {
+    const auto c = lod.mesh.face(f);
+    p.faces.emplace_back(c.begin(), c.end());
+    for (std::size_t k = 0; k < c.size(); ++k) length += (p.points[c[(k + 1) % c.size()]] - p.points[c[k]]).norm();
+  }
   p.closed = boundsSolid(p.faces);
   Skeleton skeleton{{std::move(p)}, {}};
+  const double reach = kFitRadiusFactor * greatestDistance(mesh.positions(), skeleton);
+  const double radius = std::max(reach, length / static_cast<double>(lod.mesh.cornerCount()) * 3);
+  if (radius > 0) skeleton.primitives[0].radius = radius;
   fillAutomaticRadius(skeleton, mesh.positions(), kFitRadiusFactor);
   validate(skeleton);
-  return skeleton;
+  return {std::move(skeleton), std::move(lod.message)};
 }
 
 double greatestDistance(Points vertices, const Skeleton& skeleton) {

@@ -1,6 +1,7 @@
 #include "samples.h"
 
 #include <fielddeform/mesh/io.h>
+#include <fielddeform/skeleton/fit.h>
 #include <fielddeform/skeleton/io.h>
 
 #include <cmath>
@@ -8,6 +9,7 @@
 
 #include "figures.h"
 #include "hirota.h"
+#include "hsu.h"
 #include "shapes.h"
 
 namespace fielddeform::samples {
@@ -91,13 +93,20 @@ const std::vector<Sample>& samples() {
       {"teapot-skeleton", "teapot-skeleton.json", "lines through body, spout and handle",
        [](const path& p) { write(teapotSkeleton(), p); }},
       {"bunny", "bunny.obj", "rabbit of soft balls (Figure 11)", [](const path& p) { write(bunny(), p); }},
-      {"bunny-lod", "bunny-lod.json", "the rabbit's coarse model as a skeleton",
-       [](const path& p) { write({solid("lod", bunny(0.3), 0.3)}, p); }},
+      {"bunny-lod", "bunny-lod.json", "the rabbit simplified to a tenth of its faces, as a skeleton",
+       [](const path& p) { skeleton::writeSkeleton(skeleton::fitLod(bunny(), {.faces = 2800}).skeleton, p); }},
       {"torus", "torus.obj", "torus of 4096 triangles (Hirota's)", [](const path& p) { write(torus(16), p); }},
       {"club", "club.obj", "Indian club (Hirota's)", [](const path& p) { write(club(64), p); }},
       {"quadruped", "quadruped.obj", "standing animal in place of Hirota's cow", [](const path& p) { write(quadruped(), p); }},
       {"pitcher", "pitcher.obj", "pitcher of bicubic patches: wall, lip, handle (Hirota's)",
        [](const path& p) { write(pitcher(12), p); }},
+      {"block", "block.obj", "block of squares (Hsu's)", [](const path& p) { write(block(60), p); }},
+      {"ball-tool", "ball-tool.obj", "ball that dips into the block (Hsu's)",
+       [](const path& p) { write(ball(Vec3(0, 0.75, 0), 0.55, 64), p); }},
+      {"ball", "ball.obj", "ball to be pressed (Hsu's)", [](const path& p) { write(ball(Vec3::Zero(), 1, 96), p); }},
+      {"egg", "egg.obj", "elongated sphere for a bust (Hsu's)", [](const path& p) { write(egg(160), p); }},
+      {"ring", "ring.obj", "finger ring with straight prongs (Hsu's)", [](const path& p) { write(prongRing(), p); }},
+      {"stone", "stone.obj", "the stone that the prongs are to hold (Hsu's)", [](const path& p) { write(stone(), p); }},
   };
   return list;
 }

@@ -73,8 +73,50 @@ TEST_F(Deform, SizesWhoseCubesAreNoNumbersAndEndlessAnglesAreRefused) {
     EXPECT_FALSE(std::filesystem::exists(folder / "out.obj"));
   }
   const Result result = call({"twist", "bar.ply", "-o", "out.ply", "--angle", "1e9"});
-  EXPECT_NE(result.code, 0);
-  EXPECT_NE(result.err.find("expected at most 360000"), std::string::npos) << result.err;
+  EXPECT_EQ(result.code, 2);
+  EXPECT_NE(result.err.find("expected a number in -360000..360000"), std::string::npos) << result.err;
+}
+
+TEST_F(Deform, ValuesOutOfRangeAreWrongUsageAndNameTheOption) {
+  const std::vector<std::vector<std::string>> mistakes{
+      {"--radius", "0"},      {"--radius", "-1"},        {"--radius", "inf"},       {"--tolerance", "-1"},   {"--tolerance", "0"},
+      {"--tolerance", "nan"}, {"--sharpness", "0"},      {"--sharpness", "501"},    {"--falloff", "0"},      {"--falloff", "1.5"},
+      {"--substeps", "0"},    {"--max-stretch", "0.5"},  {"--max-deviation", "0"},  {"--max-vertices", "-1"}, {"--frames", "1"},
+      {"--from", "-0.5"},     {"--allow-residual", "-1"}, {"--angle", "400000"},    {"--axis", "0,0,0"},     {"--allow-folds", "-1"},
+      {"--picture", "p.jpg"}, {"--picture", "p"},        {"--output", "out.xyz"}};
+  for (const auto& mistake : mistakes) {
+    std::vector<std::string> arguments{"bend", "absent.ply"};  // not even looked for
+    if (mistake[0] != "--output") arguments.insert(arguments.end(), {"-o", "out.ply"});
+    if (mistake[0] != "--angle") arguments.insert(arguments.end(), {"--angle", "30"});
+    arguments.insert(arguments.end(), mistake.begin(), mistake.end());
+    const Result result = call(arguments);
+    EXPECT_EQ(result.code, 2) << mistake[0] << " " << mistake[1] << ": " << result.err;
+    EXPECT_NE(result.err.find(mistake[0]), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("expected"), std::string::npos) << result.err;
+  }
+  EXPECT_EQ(call({"bend", "bar.ply", "-o", "out.ply", "--angle", "30", "--axis", "z", "--about", "0,0,-2"}).code, 2);
+  EXPECT_EQ(call({"bend", "bar.ply", "bar.ply", "-o", "out/", "--angle", "30", "--save-scene", "s.json"}).code, 2);
+  EXPECT_EQ(call({"skeleton", "bar.ply", "-o", "spine.json", "--points", "1"}).code, 2);
+  EXPECT_EQ(call({"skeleton", "bar.ply", "-o", "spine.fbx"}).code, 2);
+  EXPECT_EQ(call({"skeleton", "bar.ply", "-o", "spine"}).code, 2);
+  EXPECT_EQ(folder.files(), (std::vector<std::string>{"bar.ply", "rest.json"}));
+}
+
+TEST_F(Deform, NamesOfPicturesMayBeInUpperCaseFoldersOrDevices) {
+  EXPECT_EQ(call({"skeleton", "bar.ply", "-o", "SPINE.OBJ"}).code, 0);
+  EXPECT_EQ(call({"skeleton", "bar.ply", "-o", "/dev/null"}).code, 0);
+  EXPECT_EQ(call({"twist", "bar.ply", "-o", "/dev/null", "--angle", "+30", "--radius", "+1"}).code, 0);
+}
+
+TEST_F(Deform, AScenesPictureIsRefusedByItsNameBeforeTheMeshIsRead) {
+  ASSERT_EQ(call({"bend", "bar.ply", "-o", "out.ply", "--angle", "30", "--save-scene", "scene.json"}).code, 0);
+  std::string scene = read("scene.json");
+  const auto at = scene.find("\"out.ply\"");
+  ASSERT_NE(at, std::string::npos) << scene;
+  writeFile(folder / "scene.json", scene.replace(at, 9, "\"out.xyz\""));
+  const Result result = call({"run", "scene.json"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_NE(result.err.find("expected a name that ends in .ply"), std::string::npos) << result.err;
 }
 
 TEST_F(Deform, SeveralInputsNeedAFolderAndNoneIsMadeUnderAFilesName) {
@@ -177,7 +219,7 @@ TEST_F(Deform, FailuresLeaveNoOutputAndTheOldFileAlone) {
       {1, {"bend", "bar.ply", "-o", "out.ply", "--angle", "9", "--rest", "bar.ply"}},
       {1, {"bend", "bar.ply", "-o", "out.ply", "--angle", "9", "--rest", "rest.json", "--primitive", "absent"}},
       {1, {"deform", "bar.ply", "-o", "out.ply", "--rest", "rest.json", "--posed", "rest.json", "--pair", "a=b"}},
-      {1, {"bend", "bar.ply", "-o", "out.ply", "--angle", "9", "--radius", "-1"}},
+      {2, {"bend", "bar.ply", "-o", "out.ply", "--angle", "9", "--radius", "-1"}},
       {2, {"bend", "bar.ply", "-o", "out.ply"}},
       {2, {"bend", "bar.ply", "-o", "out.ply", "--angle", "9", "--arc-radius", "1"}},
       {2, {"bend", "bar.ply", "-o", "out.ply", "--angle", "nan"}},

@@ -39,11 +39,17 @@ TEST(Render, MistakesLeaveNoFile) {
       {2, {"render", "bar.ply", "-o", "x.png", "--zoom", "nan"}},
       {2, {"render", "bar.ply", "-o", "x.png", "--color", "octarine"}},
       {2, {"render", "bar.ply", "-o", "x.png", "--framing", "none"}},
-      {1, {"render", "bar.ply", "-o", "x.png", "--zoom", "0"}},
+      {2, {"render", "bar.ply", "-o", "x.png", "--zoom", "0"}},
+      {2, {"render", "bar.ply", "-o", "x.png", "--edges", "-1"}},
+      {2, {"render", "bar.ply", "-o", "x.png", "--crease", "200"}},
+      {2, {"render", "bar.ply", "-o", "x.png", "--direction", "0,0,0"}},
+      {2, {"render", "bar.ply", "-o", "x.png", "--range", "2,1"}},
+      {2, {"render", "bar.ply", "-o", "x.jpg"}},
+      {2, {"render", "bar.ply", "-o", "x"}},
       {1, {"render", "bar.ply", "-o", "x.png", "--attribute", "absent"}},
       {1, {"render", "absent.ply", "-o", "x.png"}},
       {1, {"render", "bar.ply", "-o", "no/folder/x.png", "--size", "32", "--quality", "draft"}},
-      {1, {"render", "bar.ply", "bar.ply", "bar.ply", "-o", "x.png", "--skeleton", "a", "--skeleton", "b"}}};
+      {2, {"render", "bar.ply", "bar.ply", "bar.ply", "-o", "x.png", "--skeleton", "a", "--skeleton", "b"}}};
   for (const auto& [code, arguments] : mistakes) {
     const Result result = run(scratch.path(), arguments);
     EXPECT_EQ(result.code, code) << result.err;

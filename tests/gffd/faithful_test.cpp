@@ -1,4 +1,5 @@
 // The paper's own trackers, by the columns of the prototype's table: they must be the paper's, faults included.
+#include <fielddeform/gffd/detail/paper.h>
 #include <gtest/gtest.h>
 #include <tests/gffd/gffd_testing.h>
 
@@ -34,15 +35,44 @@ INSTANTIATE_TEST_SUITE_P(Gradient, FaithfulTrackers,
                                          Column{"trans", Predictor::Gradient, 17, .94},
                                          Column{"rottrans", Predictor::Gradient, 48, 1.15}),
                          [](const auto& test) { return std::string(test.param.name); });
-// In two rows the prototype converged for fewer vertices (64 % in the four-line twist, 74 % in the rotation): the centres of
-// its warp are not known. Our figures stand there; the mean distances agree all the same.
 INSTANTIATE_TEST_SUITE_P(Warp, FaithfulTrackers,
                          testing::Values(Column{"bend90", Predictor::Warp, 82, .127}, Column{"bend180", Predictor::Warp, 88, .207},
-                                         Column{"twist4_180", Predictor::Warp, 100, .199},
+                                         Column{"twist4_180", Predictor::Warp, 64, .199},
                                          Column{"twist2_180", Predictor::Warp, 80, .187},
                                          Column{"stretch2", Predictor::Warp, 74, .637}, Column{"trans", Predictor::Warp, 84, .32},
-                                         Column{"rottrans", Predictor::Warp, 84.6, .70}),
+                                         Column{"rottrans", Predictor::Warp, 74, .70}),
                          [](const auto& test) { return std::string(test.param.name); });
+
+// Frame points of lines turned each by itself are Fig. 5's alone: eq (5) carries a rigid edit exactly. 1e-9 of the size is
+// the dense solve's rounding, magnified by its conditioning.
+TEST(FaithfulWarp, WithoutTheCorrectorARigidEditIsExact) {
+  const auto c = fielddeform::tests::makeCase("rottrans");
+  const Deformed d = track(c, {.predictor = Predictor::Warp, .corrector = false});
+  EXPECT_LE(greatestDistance(d.position, c.ideal), 2e-9);
+}
+
+// Many points on lines: frame points thin out instead of passing the dense solve's bound.
+TEST(FaithfulWarp, ALongSkeletonIsNotRefusedForItsFramePoints) {
+  std::vector<Vec3> rest(1900), posed(1900);
+  for (std::size_t i = 0; i < rest.size(); ++i) {
+    const double z = -1 + 2 * static_cast<double>(i) / static_cast<double>(rest.size() - 1);
+    rest[i] = {0, 0, z};
+    posed[i] = {0.1 * z * z, 0, z};
+  }
+  const auto pair = skeleton::pairSkeletons(lineSkeleton(rest, .6), lineSkeleton(posed, .6));
+  const detail::WarpPairs warp = detail::warpPairs(pair, detail::FramePoints::Naive, 2000);
+  EXPECT_GT(warp.rest.size(), 1900u);
+  EXPECT_LE(warp.rest.size(), 2000u);
+  EXPECT_EQ(warp.rest.size(), warp.posed.size());
+}
+
+// No ideal is known where the branch parts from the others; the table has its folds.
+TEST(FaithfulBranch, MatchesItsRowWithinTenPercent) {
+  const auto c = fielddeform::tests::makeCase("branch");
+  const Deformed d = track(c, {.predictor = Predictor::Warp});
+  EXPECT_NEAR(convergedPercent(d), 85, 8.5);
+  EXPECT_NEAR(static_cast<double>(d.folds), 201, 20.1);
+}
 
 }  // namespace
 }  // namespace fielddeform::gffd::tests

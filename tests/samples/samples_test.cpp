@@ -115,6 +115,22 @@ TEST(Samples, DoNotDependOnTheNumberOfThreads) {
   EXPECT_EQ(bytes[0], bytes[1]);
 }
 
+TEST(SamplesSlow, TheRabbitsSkeletonStandsOnItsVertices) {
+  const mesh::Mesh m = bunny();
+  const auto less = [](const Vec3& a, const Vec3& b) { return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end()); };
+  const std::set<Vec3, decltype(less)> vertices(m.positions().begin(), m.positions().end(), less);
+  const auto folder = std::filesystem::temp_directory_path() / "fielddeform_samples_lod";
+  std::filesystem::create_directories(folder);
+  for (const Sample& sample : samples())
+    if (sample.name == "bunny-lod") sample.write(folder / sample.file);
+  const skeleton::Skeleton lod = skeleton::readSkeleton(folder / "bunny-lod.json");
+  ASSERT_EQ(lod.primitives.size(), 1u);
+  EXPECT_TRUE(lod.primitives[0].closed);
+  EXPECT_LE(lod.primitives[0].faces.size(), 2800u);
+  for (const Vec3& p : lod.primitives[0].points) EXPECT_TRUE(vertices.contains(p)) << p.transpose();
+  std::filesystem::remove_all(folder);
+}
+
 TEST(SamplesSlow, OtterIsLikeAScan) {
   const mesh::Mesh m = otter();
   EXPECT_GE(m.vertexCount(), 100000u);

@@ -22,6 +22,15 @@ const char* kWhole = R"({"format": "fielddeform-scene", "version": 1, "seed": 0,
  "resample": {"by": "both", "max_stretch": 1.8, "max_deviation": 1e-3, "max_vertices": null}, "volume": null,
  "output": {"mesh": "out.ply", "report": "out.json", "precision": "keep"}})";
 
+const char* kLattices = R"({"format": "fielddeform-scene", "version": 1, "inputs": ["scan.ply"], "method": "lattice",
+ "lattices": ["own.json", {"file": "other.json", "fit": true},
+  {"nodes": [5, 2, 2], "basis": "bspline", "degree": 2, "border": "free", "box": "oriented", "padding": 0.1, "outside": "keep",
+   "moves": [{"node": [4, 1, 0], "by": [0, 0.5, 0]}]},
+  {"box": {"origin": [0, 0, 0], "edges": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+   "axes": [{"basis": "bernstein", "nodes": 2}, {"basis": "bernstein", "nodes": 2}, {"basis": "bernstein", "nodes": 3}],
+   "moves": [{"node": [1, 1, 2], "by": [0.1, 0, 0]}]}],
+ "output": {"mesh": "out.ply"}})";
+
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   const auto at = text.find(from);
   EXPECT_NE(at, std::string::npos) << from;
@@ -60,10 +69,59 @@ TEST(SceneFile, DefaultsAreThoseOfTheOptions) {
 }
 
 TEST(SceneFile, WritingWhatWasReadIsAFixedPoint) {
-  for (const char* text : {kSmall, kWhole}) {
+  for (const char* text : {kSmall, kWhole, kLattices}) {
     const std::string once = formatScene(parseScene(text, "a/scene.json"), "a");
     EXPECT_EQ(formatScene(parseScene(once, "a/scene.json"), "a"), once);
   }
+}
+
+TEST(SceneFile, LatticesAreFilesRulesOrTheLatticeItself) {
+  const Scene scene = parseScene(kLattices, "folder/scene.json");
+  EXPECT_EQ(methodOf(scene), "lattice");
+  ASSERT_EQ(scene.lattices.size(), 4u);
+  EXPECT_EQ(std::get<std::filesystem::path>(scene.lattices[0].source), "folder/own.json");
+  EXPECT_FALSE(scene.lattices[0].fit);
+  EXPECT_TRUE(scene.lattices[1].fit);
+  const auto& rule = std::get<LatticeRule>(scene.lattices[2].source);
+  EXPECT_EQ(rule.nodes, (std::array<int, 3>{5, 2, 2}));
+  EXPECT_EQ(rule.border, map::Border::Free);
+  EXPECT_EQ(rule.outside, map::Outside::Keep);
+  EXPECT_TRUE(rule.oriented);
+  ASSERT_EQ(rule.moves.size(), 1u);
+  EXPECT_EQ(rule.moves[0].by, Vec3(0, .5, 0));
+  EXPECT_EQ(std::get<map::Lattice>(scene.lattices[3].source).nodeCount(), 12u);
+}
+
+TEST(SceneFile, LatticesMayFollowPoints) {
+  const std::string sculpt = R"("sculpt": {"moves": [{"op": "targets", "file": "pairs.csv"}, {"op": "press", "point": [0, 0, 1], "normal": [0, 0, -1]}],
+    "pins": "pins.csv", "refine": 500, "tolerance": 1e-6})";
+  for (const char* place : {"\"fit\": true", "\"outside\": \"keep\"", "\"moves\": [{\"node\": [1, 1, 2], \"by\": [0.1, 0, 0]}]"}) {
+    const Scene scene = parseScene(replaced(kLattices, place, place + (", " + sculpt)), "folder/scene.json");
+    int found = 0;
+    for (const LatticeStep& step : scene.lattices) {
+      if (step.sculpt.moves.empty()) continue;
+      ++found;
+      ASSERT_EQ(step.sculpt.moves.size(), 2u);
+      EXPECT_EQ(std::get<map::TargetsFile>(step.sculpt.moves[0]).path, "folder/pairs.csv");
+      EXPECT_EQ(step.sculpt.pins, "folder/pins.csv");
+      EXPECT_EQ(step.sculpt.maxNodes, 500u);
+      EXPECT_EQ(step.sculpt.tolerance, 1e-6);
+    }
+    EXPECT_EQ(found, 1);
+    const std::string once = formatScene(scene, "folder");
+    EXPECT_EQ(formatScene(parseScene(once, "folder/scene.json"), "folder"), once);
+  }
+  EXPECT_NE(problemOf(replaced(kLattices, "\"fit\": true", "\"fit\": true, \"sculpt\": {\"moves\": []}")), "");
+  EXPECT_NE(problemOf(replaced(kLattices, "\"fit\": true", "\"fit\": true, \"sculpt\": {\"moves\": [{\"op\": \"magic\"}]}")), "");
+}
+
+TEST(SceneFile, KeysOfTheOtherMethodAreRefused) {
+  EXPECT_NE(problemOf(replaced(kLattices, "\"output\"", "\"edits\": [], \"output\"")).find("no such key with the method"),
+            std::string::npos);
+  EXPECT_NE(problemOf(replaced(kSmall, "\"output\"", "\"lattices\": [], \"output\"")).find("no such key with the method"),
+            std::string::npos);
+  EXPECT_NE(problemOf(replaced(kLattices, "[5, 2, 2]", "[5, 2]")), "");
+  EXPECT_NE(problemOf(replaced(kLattices, "[5, 2, 2]", "[5, 1, 2]")), "");
 }
 
 TEST(SceneFile, EveryEntrySurvives) {
@@ -172,7 +230,12 @@ TEST(SceneFile, MistakesNameTheirPlace) {
       {"\"version\": 1", "\"version\": 2", "version"},
       {"\"fielddeform-scene\"", "\"fielddeform-skeleton\"", "format"},
       {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\", \"frames\": 1}", "/output/frames"},
-      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {}", "/volume"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": true", "/volume"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"solvr\": \"exact\"}", "solver"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"energy\": \"spring\"}", "did you mean \"springs\""},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"mask\": {}}", "/volume/mask"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"mask\": \"given\"}", "/volume/mask"},
+      {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"volume\": {\"lattice\": [4, 3, 5]}", "/volume/lattice/1"},
       {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"mask\": {}", "/mask"},
       {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"tracking\": {\"falloff\": 0}", "/tracking/falloff"},
       {"{\"mesh\": \"out.ply\"}", "{\"mesh\": \"out.ply\"}, \"tracking\": {\"substeps\": 1.5}", "/tracking/substeps"},
@@ -189,6 +252,25 @@ TEST(SceneFile, MistakesNameTheirPlace) {
 TEST(SceneFile, UnknownKeysAreFreeInExtrasAlone) {
   EXPECT_EQ(problemOf(replaced(kSmall, "\"version\": 1", "\"version\": 1, \"extras\": {\"anything\": {\"x\": 1}}")), "");
   EXPECT_NE(problemOf(replaced(kSmall, "\"version\": 1", "\"version\": 1, \"anything\": 1")), "");
+}
+
+TEST(SceneFile, TheVolumePassReadsBack) {
+  const auto with = [](const char* volume) {
+    return parseScene(replaced(kSmall, "{\"mesh\": \"out.ply\"}", std::string("{\"mesh\": \"out.ply\"}, \"volume\": ") + volume), "a/scene.json");
+  };
+  EXPECT_FALSE(with("null").volume);
+  ASSERT_TRUE(with("{}").volume);
+  EXPECT_EQ(with("{}").volume->options.mask, volume::MaskKind::Auto);
+  const Scene scene = with(R"({"mask": {"file": "m.txt"}, "lattice": [4, 5, 6], "energy": "springs", "solver": "augmented-lagrangian"})");
+  const Scene back = parseScene(formatScene(scene, "b"), "b/scene.json");
+  for (const Scene* s : {&scene, &back}) {
+    EXPECT_EQ(s->volume->options.mask, volume::MaskKind::Given);
+    EXPECT_EQ(s->volume->mask->file.lexically_normal(), "a/m.txt");
+    EXPECT_EQ(*s->volume->options.nodes, (std::array<int, 3>{4, 5, 6}));
+    EXPECT_EQ(s->volume->options.energy, volume::LocalEnergy::Springs);
+    EXPECT_EQ(s->volume->options.solver, volume::LocalSolver::AugmentedLagrangian);
+  }
+  EXPECT_EQ(parseScene(formatScene(with("{\"mask\": \"rest\"}"), ""), "s.json").volume->options.mask, volume::MaskKind::Rest);
 }
 
 TEST(SceneFile, PathsStayRightWhenTheSceneIsSavedElsewhere) {

@@ -198,14 +198,14 @@ TEST(FitPoints, WorkOnVerticesAloneAndStopWhenThereAreNoMorePlaces) {
 
 TEST(FitLod, StandsOnTheObjectsVertices) {
   const mesh::Mesh m = tube([](double s) { return Vec3(s * s, 0, 3 * s); }, 0.3);
-  const Skeleton s = fitLod(m, {.faces = 120, .name = "model"});
+  const Skeleton s = fitLod(m, {.faces = 120, .name = "model"}).skeleton;
   const Primitive& p = s.primitives[0];
   EXPECT_EQ(p.name, "model");
   EXPECT_LE(p.faces.size(), 120u);
   EXPECT_FALSE(p.closed);
   for (const Vec3& x : p.points) EXPECT_NE(std::find(m.positions().begin(), m.positions().end(), x), m.positions().end());
   EXPECT_GT(*p.radius, 0);
-  const Primitive solid = fitLod(box(Vec3(1, 2, 3))).primitives[0];
+  const Primitive solid = fitLod(box(Vec3(1, 2, 3))).skeleton.primitives[0];
   EXPECT_TRUE(solid.closed);
   EXPECT_EQ(solid.faces.size(), 12u);
   EXPECT_THROW(fitLod(m, {.faces = 0, .name = "x"}), std::invalid_argument);

@@ -31,6 +31,17 @@ void makeFolder(const fs::path& folder) {
   if (!fs::is_directory(folder)) throw IoError(folder, "cannot be made: " + problem.message());
 }
 
+const std::vector<std::string> kPictures{".png"};
+
+// Says what is wrong with the name of the mesh or picture to be written; empty if nothing is.
+std::string outputProblem(const fs::path& path, bool folder, bool picture) {
+  if (folder || namesFolder(path)) return {};
+  if (picture) return extensionProblem(path, kPictures);
+  // Without an extension it is written in the format of the input.
+  if (!path.has_extension()) return {};
+  return extensionProblem(path, {".ply", ".obj", ".stl", ".off", ".coff", ".noff"});
+}
+
 // Where everything of a scene with these inputs goes. Several inputs need folders; folders are made.
 std::vector<Job> jobsOf(const scene::Scene& scene) {
   const bool several = scene.inputs.size() > 1;
@@ -46,6 +57,11 @@ std::vector<Job> jobsOf(const scene::Scene& scene) {
   const bool meshFolder = isFolder(out.mesh, "output");
   const bool reportFolder = out.report && isFolder(*out.report, "report");
   const bool pictureFolder = out.picture && isFolder(*out.picture, "picture");
+  if (const std::string problem = outputProblem(out.mesh, meshFolder, false); !problem.empty())
+    throw std::runtime_error("output: " + problem);
+  if (out.picture)
+    if (const std::string problem = outputProblem(*out.picture, pictureFolder, true); !problem.empty())
+      throw std::runtime_error("picture: " + problem);
   std::vector<Job> jobs;
   std::map<fs::path, fs::path> taken;
   for (const fs::path& input : scene.inputs) {
@@ -78,6 +94,15 @@ std::string volumeText(const scene::VolumeReport& v) {
   return text;
 }
 
+std::string moveText(const map::MoveReport& m) {
+  const std::string nodes = m.refinements > 0 ? fmt::format(", refined to {} x {} x {} nodes", m.nodes[0], m.nodes[1], m.nodes[2]) : "";
+  if (m.kind == "press")
+    return fmt::format("{} points inside by up to {:.3g}, then {} by up to {:.3g}, in {} rounds{}", m.vertices, m.deepestBefore,
+                       m.penetrating, m.deepestAfter, m.rounds, nodes);
+  return fmt::format("{} points: {} met, {} unmet by up to {:.3g}, {} outside{}", m.vertices, m.solve.met, m.solve.unmet,
+                     m.solve.largestMiss, m.solve.outside, nodes);
+}
+
 void printResult(const Job& job, const scene::RunResult& result, Terminal& terminal) {
   const scene::Report& r = result.report;
   const auto row = [&](std::string_view name, const std::string& value) { terminal.print(fmt::format("  {:<10}{}", name, value)); };
@@ -89,9 +114,15 @@ void printResult(const Job& job, const scene::RunResult& result, Terminal& termi
     row("radius", fmt::format("{:.6g}{}", r.referenceRadius, result.radiusWasAutomatic ? " (automatic)" : ""));
     row("residual", fmt::format("{:.3g} at most, tolerance {:.3g}", r.residual.max, r.tolerance));
   }
+  for (const map::MoveReport& move : r.moves) row(move.kind, moveText(move));
   row("folds", fmt::format("{} ({} in the input), {} faces flipped", r.foldsAfter, r.foldsBefore, r.flipped));
   row("stretch", fmt::format("{:.3f} at most", r.stretch.max));
   row("volume", volumeText(r.volume));
+  if (r.volume.pass && r.volume.pass->result.needed) {
+    const volume::LocalReport& v = r.volume.pass->result;
+    row("", fmt::format("restored by a pass from {:+.3f} % on {} vertices, moved by at most {:.3g}", 100 * v.change, v.moved,
+                        v.largest));
+  }
 }
 
 struct Row {
@@ -111,7 +142,8 @@ std::string shortText(const scene::Report& r) {
 
 }  // namespace
 
-int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene, Terminal& terminal) {
+int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene, Terminal& terminal,
+             const std::function<void(const scene::RunResult&)>& done) {
   const std::vector<Job> jobs = jobsOf(scene);
   if (saveScene && jobs.size() > 1)
     throw std::runtime_error("--save-scene: choices differ from mesh to mesh, give one mesh at a time");
@@ -127,6 +159,7 @@ int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene
       const scene::RunResult result = scene::run(one, {.saveScene = saveScene}, terminal);
       for (const std::string& warning : result.report.warnings)
         terminal.note(fmt::format("fielddeform: {}: {}", job.input.string(), warning));
+      if (done) done(result);
       if (jobs.size() == 1) printResult(job, result, terminal);
       for (const std::string& sentence : result.broken)
         terminal.error(fmt::format("{}: check failed: {}", job.input.string(), sentence));
@@ -148,6 +181,35 @@ int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene
   return failed > 0 ? kFailed : broken > 0 ? kCheckFailed : kDone;
 }
 
+void requireUsable(const BatchOptions& options) {
+  const bool several = options.meshes.size() > 1;
+  if (const std::string problem = outputProblem(options.output, several, false); !problem.empty())
+    throw CLI::ValidationError("--output: " + problem);
+  if (!options.picture.empty())
+    if (const std::string problem = outputProblem(options.picture, several, true); !problem.empty())
+      throw CLI::ValidationError("--picture: " + problem + (several ? "" : ", or a folder (ends in /)"));
+  if (several && !options.saveScene.empty())
+    throw CLI::ValidationError("--save-scene: choices differ from mesh to mesh, give one mesh at a time");
+}
+
+namespace {
+
+scene::VolumePass volumePassOf(const BatchOptions& options) {
+  using volume::MaskKind;
+  scene::VolumePass pass = options.volumeOptions;
+  const std::string& mask = options.volumeMask;
+  if (mask == "none") pass.options.mask = MaskKind::None;
+  else if (mask == "rest") pass.options.mask = MaskKind::Rest;
+  if (mask.empty() || mask == "auto" || pass.options.mask != MaskKind::Auto) return pass;
+  pass.options.mask = MaskKind::Given;
+  pass.mask.emplace();
+  if (fs::is_regular_file(mask)) pass.mask->file = mask;
+  else pass.mask->attribute = mask;
+  return pass;
+}
+
+}  // namespace
+
 int runBatch(BatchOptions& options, Terminal& terminal) {
   scene::Scene& scene = options.scene;
   for (const std::string& mesh : options.meshes) scene.inputs.emplace_back(mesh);
@@ -155,9 +217,12 @@ int runBatch(BatchOptions& options, Terminal& terminal) {
   if (!options.report.empty()) scene.output.report = options.report;
   if (!options.picture.empty()) scene.output.picture = options.picture;
   for (const std::string& name : options.attributes)
-    (name == "status" ? scene.output.statusAttribute
-                      : name == "residual" ? scene.output.residualAttribute : scene.output.displacementAttribute) = true;
+    (name == "status"     ? scene.output.statusAttribute
+     : name == "residual" ? scene.output.residualAttribute
+     : name == "affected" ? scene.output.affectedAttribute
+                          : scene.output.displacementAttribute) = true;
   if (options.resample) scene.resample = options.resampleOptions;
+  if (options.volume) scene.volume = volumePassOf(options);
   if (options.check) scene.check = options.checkOptions;
   if (!options.mask.empty()) {
     scene.mask.emplace();
@@ -166,7 +231,7 @@ int runBatch(BatchOptions& options, Terminal& terminal) {
   }
   std::optional<fs::path> save;
   if (!options.saveScene.empty()) save = options.saveScene;
-  return runScene(scene, save, terminal);
+  return runScene(scene, save, terminal, options.done);
 }
 
 }  // namespace fielddeform::cli

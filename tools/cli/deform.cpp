@@ -18,6 +18,7 @@ void addDeform(CLI::App& app, Session& session) {
   addBatchOptions(*command, session, options->batch, true);
   command->footer("Example:\n  fielddeform deform horse.obj --rest leg.json --posed leg-up.json -o horse-up.obj");
   command->callback([&session, options] {
+    requireUsable(options->batch);
     scene::Scene& scene = options->batch.scene;
     scene.rest = std::filesystem::path(options->rest);
     scene.posed = std::filesystem::path(options->posed);

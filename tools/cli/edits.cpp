@@ -18,7 +18,8 @@ struct EditOptions {
 };
 
 CLI::Option* addAngle(CLI::App& command, std::optional<double>& angle, const std::string& help) {
-  return addDegrees(command, "--angle", angle, help)->group("Edit");
+  // A thousand turns either way, as far as the sine of an angle holds digits of it.
+  return addDegrees(command, "--angle", angle, help)->check(within(-360000, 360000))->group("Edit");
 }
 
 CLI::Option* addFactor(CLI::App& command, double& factor, const std::string& help) {
@@ -59,6 +60,7 @@ void addEdit(CLI::App& app, Session& session, const char* name, const char* help
   addBatchOptions(*command, session, options->batch, true);
   command->footer(std::string("Example:\n  ") + example);
   command->callback([&session, options, make] {
+    requireUsable(options->batch);
     finish(*options, make(*options));
     session.run = [options](Terminal& terminal) { return runBatch(options->batch, terminal); };
   });
@@ -67,6 +69,8 @@ void addEdit(CLI::App& app, Session& session, const char* name, const char* help
 skeleton::Bend makeBend(const EditOptions& o) {
   if (o.angle.has_value() == o.arcRadius.has_value()) throw CLI::ValidationError("expected either --angle or --arc-radius");
   if (o.arcRadius && *o.arcRadius == 0) throw CLI::ValidationError("--arc-radius: 0, expected another number");
+  if (o.about && o.spine.axis && !(o.about->normalized().cross(o.spine.axis->normalized()).norm() > 1e-6))
+    throw CLI::ValidationError("--about: lies along --axis, expected a direction across it");
   return {.spine = o.spine, .angle = o.angle, .radius = o.arcRadius, .about = o.about};
 }
 

@@ -20,6 +20,7 @@ std::unique_ptr<CLI::App> makeApp(Session& session) {
   app->footer("Each command has its own help: fielddeform COMMAND --help");
   addDeform(*app, session);
   addEdits(*app, session);
+  addLattice(*app, session);
   addRun(*app, session);
   addWatch(*app, session);
   addSkeleton(*app, session);

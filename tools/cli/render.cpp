@@ -76,9 +76,6 @@ render::View viewOf(const RenderOptions& options, std::size_t i, Progress& progr
 }
 
 int runRender(RenderOptions& options, Terminal& terminal) {
-  if (options.skeletons.size() > 1 && options.skeletons.size() != options.meshes.size())
-    throw std::runtime_error(fmt::format("--skeleton: {} files for {} meshes, expected one, or one a mesh",
-                                         options.skeletons.size(), options.meshes.size()));
   render::Picture& picture = options.picture;
   for (std::size_t i = 0; i < options.meshes.size(); ++i) picture.views.push_back(viewOf(options, i, terminal));
   picture.scalars.label = options.attribute;
@@ -90,11 +87,11 @@ int runRender(RenderOptions& options, Terminal& terminal) {
 void addCamera(CLI::App& command, RenderOptions& options) {
   render::Camera& camera = options.picture.camera;
   addVec3(command, "--direction", camera.direction, "Look along this direction (default: along the shortest extent)")
-      ->group("Camera");
-  addVec3(command, "--up", camera.up, "What is up in the picture (default: y)")->group("Camera");
+      ->check(direction())->group("Camera");
+  addVec3(command, "--up", camera.up, "What is up in the picture (default: y)")->check(direction())->group("Camera");
   addDegrees(command, "--azimuth", camera.azimuth, "Walk around the object, counter-clockwise from above")->group("Camera");
   addDegrees(command, "--elevation", camera.elevation, "Look down from this height")->group("Camera");
-  addNumber(command, "--zoom", camera.zoom, "More than 1 comes closer")->group("Camera");
+  addNumber(command, "--zoom", camera.zoom, "More than 1 comes closer")->check(within(1e-3, 1e3))->group("Camera");
   addWord(command, "--projection", {"perspective", "orthographic"},
           [&camera](std::size_t i) { camera.projection = static_cast<render::Projection>(i); }, "How depth is drawn")
       ->group("Camera");
@@ -117,14 +114,17 @@ void addSurface(CLI::App& command, RenderOptions& options) {
       "--range",
       [&options](const std::string& text) {
         const auto range = parseNumbers("--range", text, 2);
+        if (!(range[0] <= range[1]))
+          throw CLI::ConversionError(fmt::format("--range: \"{}\", expected LOW at most HIGH", text));
         options.picture.scalars.low = range[0];
         options.picture.scalars.high = range[1];
       },
       "Values at the ends of the colour map")->type_name("LOW,HIGH")->group("Surface");
-  addDegrees(command, "--crease", options.crease, "Edges that turn by more look sharp (default: 40)")->group("Surface");
+  addDegrees(command, "--crease", options.crease, "Edges that turn by more look sharp (default: 40)")
+      ->check(within(0, 180))->group("Surface");
   command.add_flag("--flat", options.flat, "No smooth shading")->group("Surface");
   addNumber(command, "--edges", options.edges, "Draw the faces' edges this wide, in thousandths of the view")
-      ->group("Surface");
+      ->check(within(0, 1000))->group("Surface");
 }
 
 void addPage(CLI::App& command, RenderOptions& options) {
@@ -155,7 +155,8 @@ void addRender(CLI::App& app, Session& session) {
   const auto options = std::make_shared<RenderOptions>();
   auto* command = app.add_subcommand("render", "Draw meshes side by side, without a display");
   command->add_option("MESH", options->meshes, "Meshes to draw (PLY, OBJ, STL, OFF)")->required()->type_name("");
-  command->add_option("-o,--output", options->output, "Picture to write (PNG)")->required()->type_name("FILE");
+  command->add_option("-o,--output", options->output, "Picture to write (PNG)")
+      ->required()->type_name("FILE")->check(endingIn({".png"}));
   command->add_option("--skeleton", options->skeletons, "Skeleton drawn over the meshes: one for all, or one a mesh")
       ->type_name("FILE")->allow_extra_args(false);
   addCamera(*command, *options);
@@ -164,6 +165,9 @@ void addRender(CLI::App& app, Session& session) {
   addThreads(*command, session);
   command->footer("Example:\n  fielddeform render scan.ply bent.ply -o compare.png --size 1600x900 --azimuth 30");
   command->callback([&session, options] {
+    if (options->skeletons.size() > 1 && options->skeletons.size() != options->meshes.size())
+      throw CLI::ValidationError(fmt::format("--skeleton: {} files for {} meshes, expected one, or one a mesh",
+                                             options->skeletons.size(), options->meshes.size()));
     session.run = [options](Terminal& terminal) { return runRender(*options, terminal); };
   });
 }

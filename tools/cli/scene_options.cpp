@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "values.h"
 
 namespace fielddeform::cli {
@@ -23,19 +25,20 @@ void setFalloff(gffd::Options& tracking, const std::string& text) {
 void addTracking(CLI::App& command, gffd::Options& tracking) {
   const char* group = "Tracking";
   addNumber(command, "--radius", tracking.radius,
-            "Influence radius of primitives that name none, model units (default: from the mesh)")->group(group);
+            "Influence radius of primitives that name none, model units (default: from the mesh)")
+      ->check(positive())->group(group);
   addWord(command, "--track", {"auto", "mls", "axial", "warp", "gradient"},
           [&tracking](std::size_t i) { tracking.predictor = static_cast<gffd::Predictor>(i); },
           "How vertices follow (default: auto, which is mls or axial; warp and gradient are the paper's)")->group(group);
   command.add_flag_callback("--no-corrector", [&tracking] { tracking.corrector = false; },
                             "Do not bring vertices back to their field value")->group(group);
   command.add_option("--tolerance", tracking.tolerance, "Residual of a converged vertex, in radii (default: 1e-4)")
-      ->type_name("NUMBER")->group(group);
+      ->type_name("NUMBER")->check(positive())->group(group);
   addWord(command, "--potential", {"exponential", "gaussian", "metaball", "soft-object"},
           [&tracking](std::size_t i) { tracking.field.potential = static_cast<skeleton::Potential>(i); },
           "Potential of primitives that name none (default: exponential)")->group(group);
   command.add_option("--sharpness", tracking.field.sharpness, "Falloff lengths in a radius (default: 4)")
-      ->type_name("NUMBER")->group(group);
+      ->type_name("NUMBER")->check(within(1e-3, 500))->group(group);
   command.add_option_function<std::string>(
       "--falloff", [&tracking](const std::string& text) { setFalloff(tracking, text); },
       "Share of the radius in which the displacement dies out (default: auto, 0.5 where the influence ends on the mesh)")
@@ -50,7 +53,7 @@ void addTracking(CLI::App& command, gffd::Options& tracking) {
                             "Do not try more substeps when the surface folded")->group(group);
 }
 
-void addResampling(CLI::App& command, BatchOptions& options) {
+void addResampling(CLI::App& command, BatchOptions& options, Method method) {
   const char* group = "Resampling";
   resample::Options& r = options.resampleOptions;
   const auto on = [&options] { options.resample = true; };
@@ -65,7 +68,9 @@ void addResampling(CLI::App& command, BatchOptions& options) {
                                       "Split edges whose middle is off by this share of the size (default: 1e-3)")
       ->type_name("SHARE")->check(within(1e-12, 1.0))->group(group);
   command.add_option_function<std::uint32_t>("--max-vertices", [&r, on](const std::uint32_t& n) { r.maxVertices = n; on(); },
-                                             "Stop inserting at this many vertices")->type_name("N")->group(group);
+                                             "Stop inserting at this many vertices")
+      ->type_name("N")->check(within(0, 4294967295.0))->group(group);
+  if (method != Method::Skeleton) return;
   addWord(command, "--resample-like", {"paper"},
           [&r, &options, on](std::size_t) {
             r.by = resample::Criterion::Stretch;
@@ -75,14 +80,50 @@ void addResampling(CLI::App& command, BatchOptions& options) {
           "As in Qin et al. 2003: by stretch alone, with the mean of the ends' field values")->group(group);
 }
 
-void addEditing(CLI::App& command, BatchOptions& options) {
+void setVolumeLattice(volume::LocalOptions& options, const std::string& text) {
+  options.nodes.reset();
+  if (text == "auto") return;
+  const std::vector<double> n = parseNumbers("--volume-lattice", text, 3);
+  options.nodes.emplace();
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (!(n[k] >= 4 && n[k] <= 64 && n[k] == std::floor(n[k])))
+      throw CLI::ConversionError(fmt::format("--volume-lattice: {}, expected auto or three whole numbers from 4 to 64", text));
+    (*options.nodes)[k] = static_cast<int>(n[k]);
+  }
+}
+
+void addVolume(CLI::App& command, BatchOptions& options) {
+  const char* group = "Volume";
+  volume::LocalOptions& v = options.volumeOptions.options;
+  const auto on = [&options] { options.volume = true; };
+  command.add_flag_callback("--preserve-volume", on, "Give the object the volume back that the deformation took or added")
+      ->group(group);
+  command.add_option_function<std::string>(
+      "--volume-mask", [&options, on](const std::string& text) { options.volumeMask = text; on(); },
+      "Which part gives it: what moved (default: auto), all (none), what did not (rest), or a number from 0 to 1 a vertex")
+      ->type_name("auto|none|rest|FILE")->group(group);
+  command.add_option_function<std::string>(
+      "--volume-lattice", [&v, on](const std::string& text) { setVolumeLattice(v, text); on(); },
+      "Nodes of the pass's lattice along x, y, z (default: auto, from the thickness of the part)")
+      ->type_name("auto|NX,NY,NZ")->group(group);
+  addWord(command, "--volume-energy", {"surface", "springs"},
+          [&v, on](std::size_t i) { v.energy = static_cast<volume::LocalEnergy>(i); on(); },
+          "What the pass keeps small besides the displacement: the lattice's bending (default: surface) or stretched springs")
+      ->group(group);
+  addWord(command, "--volume-solver", {"exact", "augmented-lagrangian"},
+          [&v, on](std::size_t i) { v.solver = static_cast<volume::LocalSolver>(i); on(); },
+          "How it is solved (default: exact; augmented-lagrangian is the paper's, over levels of detail)")->group(group);
+}
+
+void addEditing(CLI::App& command, BatchOptions& options, Method method) {
   const char* group = "Editing";
   command.add_option("--mask", options.mask,
                      "Scale each vertex's displacement: a vertex attribute, or a file of one number a vertex")
       ->type_name("NAME|FILE")->group(group);
-  addWord(command, "--symmetry", {"x", "y", "z"},
-          [&options](std::size_t i) { options.scene.symmetry = static_cast<scene::Axis>(i); },
-          "Do the same on the other side of the mesh's middle")->group(group);
+  if (method == Method::Skeleton)
+    addWord(command, "--symmetry", {"x", "y", "z"},
+            [&options](std::size_t i) { options.scene.symmetry = static_cast<scene::Axis>(i); },
+            "Do the same on the other side of the mesh's middle")->group(group);
   command.add_flag_callback("--skip-invalid",
                             [&options] { options.scene.read.invalid = mesh::InvalidPoints::Keep; },
                             "Leave vertices with coordinates that are not finite as they are, instead of refusing the file")
@@ -92,7 +133,7 @@ void addEditing(CLI::App& command, BatchOptions& options) {
       ->group(group);
 }
 
-void addOutput(CLI::App& command, BatchOptions& options) {
+void addOutput(CLI::App& command, BatchOptions& options, Method method) {
   const char* group = "Output";
   scene::Output& output = options.scene.output;
   command.add_option("--report", options.report, "Write a JSON report (of several meshes: a folder)")
@@ -105,8 +146,10 @@ void addOutput(CLI::App& command, BatchOptions& options) {
   addWord(command, "--normals", {"turn", "recompute", "keep"},
           [&output](std::size_t i) { output.normals = static_cast<scene::Normals>(i); },
           "What becomes of normals in the input (default: turn, with the surface)")->group(group);
-  command.add_option("--attributes", options.attributes, "Vertex attributes to add: status, residual, displacement")
-      ->type_name("LIST")->delimiter(',')->check(oneOf({"status", "residual", "displacement"}))
+  command.add_option("--attributes", options.attributes, method == Method::Lattice ? "Vertex attributes to add: status, residual, displacement, affected"
+                                              : "Vertex attributes to add: status, residual, displacement")
+      ->type_name("LIST")->delimiter(',')->check(method == Method::Lattice ? oneOf({"status", "residual", "displacement", "affected"})
+                                        : oneOf({"status", "residual", "displacement"}))
       ->allow_extra_args(false)->group(group);
   command.add_option("--frames", output.frames, "Write a sequence of N meshes from the input to the result")
       ->type_name("N")->check(within(2, 100000))->group(group);
@@ -114,15 +157,18 @@ void addOutput(CLI::App& command, BatchOptions& options) {
       ->type_name("FILE")->group(group);
 }
 
-void addCheck(CLI::App& command, BatchOptions& options) {
+void addCheck(CLI::App& command, BatchOptions& options, Method method) {
   const char* group = "Check";
   scene::Check& check = options.checkOptions;
   const auto on = [&options] { options.check = true; };
   command.add_flag_callback("--check", on, "Exit with 3 if the result has folded edges or flipped faces")->group(group);
   command.add_option_function<std::size_t>("--allow-folds", [&check, on](const std::size_t& n) { check.folds = n; on(); },
-                                           "As --check, with up to N folded edges")->type_name("N")->group(group);
+                                           "As --check, with up to N folded edges")
+      ->type_name("N")->check(within(0, 1e15))->group(group);
   command.add_option_function<std::size_t>("--allow-flipped", [&check, on](const std::size_t& n) { check.flipped = n; on(); },
-                                           "As --check, with up to N flipped faces")->type_name("N")->group(group);
+                                           "As --check, with up to N flipped faces")
+      ->type_name("N")->check(within(0, 1e15))->group(group);
+  if (method != Method::Skeleton) return;
   command.add_option_function<double>("--allow-residual", [&check, on](const double& x) { check.residual = x; on(); },
                                       "As --check, also of the greatest residual, in radii")
       ->type_name("NUMBER")->check(within(0.0, 1e6))->group(group);
@@ -141,13 +187,14 @@ void addFiles(CLI::App& command, BatchOptions& options, bool severalMeshes) {
 
 }  // namespace
 
-void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes) {
+void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes, Method method) {
   addFiles(command, options, severalMeshes);
-  addEditing(command, options);
-  addTracking(command, options.scene.tracking);
-  addResampling(command, options);
-  addOutput(command, options);
-  addCheck(command, options);
+  addEditing(command, options, method);
+  if (method == Method::Skeleton) addTracking(command, options.scene.tracking);
+  addResampling(command, options, method);
+  addVolume(command, options);
+  addOutput(command, options, method);
+  addCheck(command, options, method);
   addThreads(command, session);
 }
 

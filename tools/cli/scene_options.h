@@ -13,21 +13,33 @@ struct BatchOptions {
   std::vector<std::string> meshes;
   std::string output, report, picture, saveScene, mask;
   std::vector<std::string> attributes;
-  bool resample = false, check = false;
+  bool resample = false, check = false, volume = false;
   resample::Options resampleOptions;
+  scene::VolumePass volumeOptions;
+  std::string volumeMask;             ///< a word, an attribute or a file
   scene::Check checkOptions;
   std::optional<double> allowResidual;
+  std::function<void(const scene::RunResult&)> done;  ///< called after each mesh; may be empty
 };
 
-/// MESH..., -o, and all groups below.
-void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes);
+/// What deforms: methods have options that others have not.
+enum class Method : std::uint8_t { Skeleton, Lattice };
+
+/// MESH..., -o, and all groups below that the method has.
+void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes,
+                     Method method = Method::Skeleton);
+
+/// What the options say only together, after all are parsed: names of files whose extension is of no use, and several
+/// meshes where one is needed. @throw CLI::ValidationError
+void requireUsable(const BatchOptions& options);
 
 /// Fills the scene from the parsed options and runs it on every mesh. Several meshes: one bar, one that fails does not
 /// stop the rest, a table at the end.
 /// @return kDone; kFailed if any failed; else kCheckFailed if any check was broken
 int runBatch(BatchOptions& options, Terminal& terminal);
 
-/// Runs a scene (from a file) on all its inputs.
-int runScene(const scene::Scene& scene, const std::optional<std::filesystem::path>& saveScene, Terminal& terminal);
+/// Runs a scene (from a file) on all its inputs. @param done called after each; may be empty
+int runScene(const scene::Scene& scene, const std::optional<std::filesystem::path>& saveScene, Terminal& terminal,
+             const std::function<void(const scene::RunResult&)>& done = {});
 
 }  // namespace fielddeform::cli

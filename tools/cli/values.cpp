@@ -15,13 +15,20 @@ namespace {
   throw CLI::ConversionError(fmt::format("{}: \"{}\", expected {}", option, text, expected));
 }
 
-double parseNumber(const std::string& option, const std::string& text) {
+// A finite number and nothing else; a sign is welcome.
+std::optional<double> numberIn(const std::string& text) {
   double value = 0;
   const char* end = text.data() + text.size();
   const char* begin = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
   const auto [stop, error] = std::from_chars(begin, end, value);
-  if (error != std::errc() || stop != end || !std::isfinite(value)) refuse(option, text, "a finite number");
+  if (error != std::errc() || stop != end || !std::isfinite(value)) return {};
   return value;
+}
+
+double parseNumber(const std::string& option, const std::string& text) {
+  const auto value = numberIn(text);
+  if (!value) refuse(option, text, "a finite number");
+  return *value;
 }
 
 }  // namespace
@@ -116,12 +123,44 @@ CLI::Validator oneOf(const std::vector<std::string>& words) {
 CLI::Validator within(double low, double high) {
   return CLI::Validator(
       [low, high](const std::string& text) {
-        double value = 0;
-        const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-        const bool good = error == std::errc() && stop == text.data() + text.size() && value >= low && value <= high;
-        return good ? std::string() : fmt::format("{}, expected a number in {}..{}", text, low, high);
+        const auto value = numberIn(text);
+        return value && *value >= low && *value <= high ? std::string() : fmt::format("{}, expected a number in {}..{}", text, low, high);
       },
       "");
+}
+
+CLI::Validator positive() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        const auto value = numberIn(text);
+        return value && *value > 0 ? std::string() : fmt::format("{}, expected a finite number > 0", text);
+      },
+      "");
+}
+
+CLI::Validator direction() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        // What is no vector at all the option itself refuses.
+        const bool zero = text.find_first_of("123456789") == std::string::npos && text.find('0') != std::string::npos;
+        return zero ? fmt::format("\"{}\", expected a direction other than zero", text) : std::string();
+      },
+      "");
+}
+
+CLI::Validator endingIn(std::vector<std::string> extensions) {
+  return CLI::Validator(
+      [extensions = std::move(extensions)](const std::string& text) { return extensionProblem(text, extensions); }, "");
+}
+
+std::string extensionProblem(const std::filesystem::path& path, const std::vector<std::string>& extensions) {
+  std::error_code ignored;
+  const auto status = std::filesystem::status(path, ignored);
+  if (std::filesystem::exists(status) && std::filesystem::is_other(status)) return {};
+  std::string own = path.extension().string();
+  for (char& c : own) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  if (std::find(extensions.begin(), extensions.end(), own) != extensions.end()) return {};
+  return fmt::format("\"{}\", expected a name that ends in {}", path.string(), fmt::join(extensions, ", "));
 }
 
 std::filesystem::path withSuffix(const std::filesystem::path& path, std::string_view suffix, std::string_view extension) {

@@ -31,6 +31,14 @@ CLI::Option* addWord(CLI::App& command, const std::string& name, std::vector<std
 /// Checks that say nothing in the help; the type's name does.
 CLI::Validator oneOf(const std::vector<std::string>& words);
 CLI::Validator within(double low, double high);
+CLI::Validator positive();  ///< a finite number > 0
+CLI::Validator direction();  ///< X,Y,Z, not all 0
+/// A name that ends in one of these extensions; devices and pipes may have any.
+CLI::Validator endingIn(std::vector<std::string> extensions);
+
+/// Says what is wrong with the name of a file to be written; empty if its extension is one of these, or it is a device or
+/// a pipe. Upper case is as good.
+std::string extensionProblem(const std::filesystem::path& path, const std::vector<std::string>& extensions);
 
 /// "out/pic.png" for ("out/mesh.ply", "", ".png").
 std::filesystem::path withSuffix(const std::filesystem::path& path, std::string_view suffix, std::string_view extension);

@@ -57,6 +57,7 @@ std::vector<fs::path> filesOf(const fs::path& sceneFile, const scene::Scene& sce
   if (scene.posed)
     if (const auto* path = std::get_if<fs::path>(&*scene.posed)) files.push_back(*path);
   if (scene.mask && !scene.mask->file.empty()) files.push_back(scene.mask->file);
+  if (scene.volume && scene.volume->mask && !scene.volume->mask->file.empty()) files.push_back(scene.volume->mask->file);
   return files;
 }
 

@@ -16,12 +16,22 @@ namespace fielddeform::gffd::detail {
 Tracked trackAsPrinted(const field::Field& posed, const std::function<Vec3(const Vec3&)>& direction, const Vec3& start,
                        double target, double tolerance, int maxIterations);
 
-/// Corresponding points for the warp of eq (4): the points of the matched primitives. Where they lie on one straight line
-/// they do not say how the space around it turns; then each gets four frame points, 0.05 radii off the line.
+/// Points around the skeleton's own, which tell the warp how space turns.
+enum class FramePoints : std::uint8_t {
+  /// Around lines and points, six a vertex, 0.2 radii along the axes of the world, each line turned by itself: parallel
+  /// transport from its first vertex, which turns by the smallest rotation. Neighbours do not agree, so that rigid edits
+  /// are not exact: what the prototype's figures of Fig. 5 were made with.
+  Naive,
+  /// Four a vertex, 0.05 radii off, by the predictors' frames; only where all points lie on one straight line.
+  Straight,
+};
+
+/// Corresponding points for the warp of eq (4): the points of the matched primitives, and frame points.
 struct WarpPairs {
   std::vector<Vec3> rest, posed;
 };
-WarpPairs warpPairs(const skeleton::SkeletonPair& pair);
+/// @param most  naive frame points go around every second, fourth, ... vertex rather than pass this count, or are left out
+WarpPairs warpPairs(const skeleton::SkeletonPair& pair, FramePoints frames, std::size_t most);
 
 /// Direction of eq (3): towards the skeleton, zero outside the influence region.
 Vec3 gradientDirection(const field::Field& posed, const Vec3& point);

@@ -72,7 +72,7 @@ void Stage::findRigid(const skeleton::SampledPair& samples, const MovingPart& pa
 }
 
 double Stage::weight(const Value& value) const {
-  if (options_.falloff != Falloff::On || options_.strictValue) return 1;
+  if (!hasFalloff()) return 1;
   return smoothstep(value.share / options_.falloffBand);
 }
 

@@ -43,12 +43,15 @@ class Stage {
   /// |D - D*| at a position of a point that started at `rest`.
   double residual(const Vec3& rest, const Value& value, const Vec3& position) const;
 
+  /// The share of the displacement that the falloff leaves a point.
+  double weight(const Value& value) const;
+  bool hasFalloff() const noexcept { return options_.falloff == Falloff::On && !options_.strictValue; }
+
   const field::Field& posedField() const noexcept { return *posed_; }
   /// A rigid motion that carries the whole moving part to 1e-12 of its size, if there is one.
   const std::optional<Rigid>& rigid() const noexcept { return rigid_; }
 
  private:
-  double weight(const Value& value) const;
   Vec3 predict(const Vec3& rest, const Value& value, double weight) const;
   double target(const Vec3& predicted, const Value& value, double weight) const;
   Tracked correct(const Vec3& predicted, double target) const;

@@ -15,12 +15,20 @@ class Method {
  public:
   virtual ~Method() = default;
 
+  /// The falloff's share at every vertex of the mesh that was tracked last (refined, if it was); empty if there is none.
+  virtual std::vector<double> falloffWeights(const mesh::Mesh&) { return {}; }
+  /// The field's residual of vertices that were moved after tracking; nothing for methods without a field.
+  /// @param residual  #V, in: as tracked
+  virtual void updateResiduals(const mesh::Mesh&, Points /*tracked*/, Points /*moved*/, std::span<float> /*residual*/) {}
+
   /// The stage's name of prepare(): "skeleton", "lattice".
   virtual std::string_view preparation() const noexcept = 0;
   /// Reads and fits what deforms the mesh.
   virtual void prepare(const mesh::Mesh& mesh) = 0;
   /// Makes the choices that look at the mesh, and binds it.
   virtual void bind(const mesh::Mesh& mesh) = 0;
+  /// #V: the share of each vertex that nodes carry which were moved; empty for methods without nodes.
+  virtual std::vector<float> affected() const { return {}; }
   /// Deforms the bound mesh; forgets its binding.
   virtual Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) = 0;
   /// Refines the mesh under the map.

@@ -1,0 +1,163 @@
+#include <fielddeform/core/parallel.h>
+#include <fielddeform/map/masked_map.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <stdexcept>
+
+namespace fielddeform::map {
+namespace {
+
+constexpr std::size_t kGrain = 8192;
+
+void checkSize(const char* name, std::size_t found, std::size_t expected) {
+  if (found != expected) throw std::invalid_argument(fmt::format("{} has {} elements, expected {}", name, found, expected));
+}
+
+}  // namespace
+
+struct MaskedMap::Bound final : Binding {
+  std::size_t size() const override { return rest.size(); }
+  std::shared_ptr<const LinearMap> map;  ///< whose bindings fit: that of every withDisplacements()
+  std::shared_ptr<const std::vector<Vec3>> owner;
+  std::shared_ptr<const Binding> inner;
+  std::vector<Vec3> rest;
+  std::vector<double> mask;
+};
+
+MaskedMap::MaskedMap(std::shared_ptr<const LinearMap> map, std::vector<Index> nodes) : map_(std::move(map)) {
+  if (!map_) throw std::invalid_argument("map is null, expected a linear map");
+  const Points all = map_->restNodes(), moved = map_->displacements();
+  auto rest = std::make_shared<std::vector<Vec3>>();
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (nodes[i] >= all.size() || (i > 0 && nodes[i] <= nodes[i - 1]))
+      throw std::invalid_argument(fmt::format("nodes[{}] is {}, expected ascending indices below {}", i, nodes[i], all.size()));
+    rest->push_back(all[nodes[i]]);
+    displacements_.push_back(moved[nodes[i]]);
+  }
+  if (nodes.empty()) {
+    rest->assign(all.begin(), all.end());
+    displacements_.assign(moved.begin(), moved.end());
+  } else {
+    nodes_ = std::make_shared<const std::vector<Index>>(std::move(nodes));
+  }
+  restNodes_ = std::move(rest);
+}
+
+const MaskedMap::Bound& MaskedMap::own(const Binding& binding) const {
+  const auto* bound = dynamic_cast<const Bound*>(&binding);
+  if (!bound || bound->owner != restNodes_) throw std::invalid_argument("the binding was made by another map");
+  return *bound;
+}
+
+std::shared_ptr<const Binding> MaskedMap::bind(Points rest, std::span<const double> mask) const {
+  checkSize("mask", mask.size(), rest.size());
+  for (std::size_t i = 0; i < mask.size(); ++i)
+    if (!std::isfinite(mask[i])) throw std::invalid_argument(fmt::format("mask[{}] is {}, must be finite", i, mask[i]));
+  auto bound = std::make_shared<Bound>();
+  bound->owner = restNodes_;
+  bound->map = map_;
+  bound->inner = map_->bind(rest);
+  bound->rest.assign(rest.begin(), rest.end());
+  bound->mask.assign(mask.begin(), mask.end());
+  for (std::size_t i = 0; i < rest.size(); ++i)
+    if (!rest[i].allFinite()) bound->mask[i] = 0;
+  return bound;
+}
+
+std::shared_ptr<const Binding> MaskedMap::bind(Points rest) const {
+  return bind(rest, std::vector<double>(rest.size(), 1.0));
+}
+
+std::vector<Vec3> MaskedMap::spread(Points nodeValues) const {
+  std::vector<Vec3> all(map_->nodeCount(), Vec3::Zero());
+  for (std::size_t i = 0; i < nodes_->size(); ++i) all[(*nodes_)[i]] = nodeValues[i];
+  return all;
+}
+
+void MaskedMap::combine(const Binding& binding, Points nodeValues, std::span<Vec3> out) const {
+  const Bound& b = own(binding);
+  checkSize("nodeValues", nodeValues.size(), nodeCount());
+  checkSize("out", out.size(), b.size());
+  if (nodes_) b.map->combine(*b.inner, spread(nodeValues), out);
+  else b.map->combine(*b.inner, nodeValues, out);
+  parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (b.mask[i] == 0) out[i] = Vec3::Zero();  // whatever stands there, NaN too
+      else out[i] *= b.mask[i];
+  });
+}
+
+void MaskedMap::gather(const Binding& binding, Points pointValues, std::span<Vec3> out) const {
+  const Bound& b = own(binding);
+  checkSize("pointValues", pointValues.size(), b.size());
+  checkSize("out", out.size(), nodeCount());
+  std::vector<Vec3> masked(b.size());
+  parallelFor(masked.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      masked[i] = b.mask[i] == 0 ? Vec3(Vec3::Zero()) : Vec3(b.mask[i] * pointValues[i]);
+  });
+  if (!nodes_) return b.map->gather(*b.inner, masked, out);
+  std::vector<Vec3> all(map_->nodeCount());
+  b.map->gather(*b.inner, masked, all);
+  for (std::size_t i = 0; i < nodes_->size(); ++i) out[i] = all[(*nodes_)[i]];
+}
+
+SparseRows MaskedMap::basis(const Binding& binding) const {
+  const Bound& b = own(binding);
+  const SparseRows inner = b.map->basis(*b.inner);
+  std::vector<Index> own(nodes_ ? map_->nodeCount() : 0, kNoIndex);
+  for (Index i = 0; nodes_ && i < nodes_->size(); ++i) own[(*nodes_)[i]] = i;
+  SparseRows out;
+  out.columns = nodeCount();
+  for (std::size_t r = 0; r < inner.rows(); ++r) {
+    for (std::size_t k = inner.start[r]; k < inner.start[r + 1]; ++k) {
+      const Index column = nodes_ ? own[inner.column[k]] : inner.column[k];
+      const double value = b.mask[r] * inner.value[k];
+      if (column == kNoIndex || b.mask[r] == 0 || value == 0) continue;
+      out.column.push_back(column);
+      out.value.push_back(value);
+    }
+    out.start.push_back(out.column.size());
+  }
+  return out;
+}
+
+void MaskedMap::apply(const Binding& binding, MapOutput out, Progress& progress) const {
+  const Bound& b = own(binding);
+  for (const std::size_t size : {out.position.size(), out.safe.size(), out.status.size(), out.residual.size()})
+    if (size != 0) checkSize("out", size, b.size());
+  std::vector<Vec3> moved(b.size());
+  combine(binding, displacements_, moved);
+  parallelFor(b.size(), kGrain, progress, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const bool valid = b.rest[i].allFinite(), fixed = b.mask[i] == 0 || moved[i].isZero(0);
+      const Vec3 x = fixed ? b.rest[i] : Vec3(b.rest[i] + moved[i]);
+      if (!out.position.empty()) out.position[i] = x;
+      if (!out.safe.empty()) out.safe[i] = x;
+      if (!out.status.empty()) out.status[i] = !valid ? Status::Invalid : fixed ? Status::Fixed : Status::Converged;
+      if (!out.residual.empty()) out.residual[i] = 0;
+    }
+  });
+}
+
+void MaskedMap::jacobians(const Binding& binding, std::span<Mat3> out) const {
+  const Bound& b = own(binding);
+  checkSize("out", out.size(), b.size());
+  const auto inner = nodes_ ? b.map->withDisplacements(spread(displacements_)) : b.map->withDisplacements(displacements_);
+  inner->jacobians(*b.inner, out);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (b.mask[i] == 0) out[i].setIdentity();
+    else out[i] = Mat3::Identity() + b.mask[i] * (out[i] - Mat3::Identity());
+}
+
+std::unique_ptr<LinearMap> MaskedMap::withDisplacements(Points displacements) const {
+  checkSize("displacements", displacements.size(), nodeCount());
+  for (const Vec3& d : displacements)
+    if (!d.allFinite()) throw std::invalid_argument("a displacement is not finite");
+  auto other = std::make_unique<MaskedMap>(*this);
+  other->displacements_.assign(displacements.begin(), displacements.end());
+  return other;
+}
+
+}  // namespace fielddeform::map
