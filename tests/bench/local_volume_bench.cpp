@@ -1,4 +1,4 @@
-// Compares the combinations of the volume pass on eight edits (docs/volume.md): strain added (99th percentile over the edges of
+// Compares the combinations of the volume pass on eight edits (docs/volume-pass.md): strain added (99th percentile over the edges of
 // what moved), largest turn of a face normal by the pass, faces turned by more than 90 degrees, deviation, share undone, time.
 // Two of the edits are on homer.obj, from the folder of FIELDDEFORM_TEST_MESHES; without it they are left out.
 // Usage: local_volume_bench [--edit NAME] [--only COMBINATION] [--million]    --million: times of the pass on 1M vertices instead
