@@ -91,7 +91,8 @@ TEST_F(PreserveVolume, OfAFloatFileIsWhatRoundingLeavesUnlessDoublesAreWanted) {
   EXPECT_LE(deviation(folder / "bar.ply", folder / "double.ply"), 1e-12);
   const JsonDocument report = JsonDocument::read(folder / "float.json");
   const JsonValue volume = report.root().require("volume");
-  EXPECT_EQ(volume.require("as_written").number(), volumeOf(folder / "float.ply"));
+  // The same sum, but centred on the box before rounding and after it: the last bits may differ.
+  EXPECT_DOUBLE_EQ(volume.require("as_written").number(), volumeOf(folder / "float.ply"));
   EXPECT_NEAR(volume.require("relative_change").number(), 0, 1e-12);
 }
 
