@@ -57,10 +57,12 @@ Powers segmentPowersOfBoth(int p, const double* knot) {
   return w;
 }
 
-// 1 + 3t + 3t^2 - t^3 = 6x for x in [1/6, 1]: rising and convex, so that Newton from the chord's side comes down on the root.
+// 1 + 3t + 3t^2 - t^3 = 6x for x in [1/6, 1]: rising and convex. Newton from a cubic that meets the root and its slope at
+// both ends, at most 0.035 off: 4e-4, 6e-8, 2e-15, and the last bits.
 double rootNearBorder(double x) {
-  double t = std::clamp((6 * x - 1) / 5, 0.0, 1.0);
-  for (int i = 0; i < 6; ++i) t -= (((3 - t) * t + 3) * t + 1 - 6 * x) / ((6 - 3 * t) * t + 3);
+  const double y = std::clamp((6 * x - 1) / 5, 0.0, 1.0);
+  double t = ((0.5 * y - 7.0 / 6) * y + 5.0 / 3) * y;
+  for (int i = 0; i < 4; ++i) t -= (((3 - t) * t + 3) * t + 1 - 6 * x) / ((6 - 3 * t) * t + 3);
   return t;
 }
 

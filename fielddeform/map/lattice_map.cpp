@@ -84,7 +84,7 @@ Lattice LatticeMap::lattice() const {
 }
 
 Vec3 LatticeMap::position(const Vec3& rest) const {
-  LatticeModel::Scratch scratch(*model_);
+  LatticeModel::Scratch scratch(*model_, 1);
   Cell cell;
   if (!model_->place(rest, cell, scratch.weight.data(), scratch.slope.data())) return rest;
   Vec3 d;
@@ -152,7 +152,7 @@ void LatticeMap::jacobians(const Binding& binding, std::span<Mat3> out) const {
   const LatticeBinding& bound = boundBy(binding, model_);
   requireSize("out", out.size(), bound.size());
   parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    LatticeModel::Scratch scratch(*model_);
+    LatticeModel::Scratch scratch(*model_, 1);
     const Mat3 toBox = model_->boxDerivative();
     Cell cell;
     for (std::size_t p = begin; p < end; ++p) {

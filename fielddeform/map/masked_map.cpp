@@ -2,6 +2,7 @@
 #include <fielddeform/map/masked_map.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -23,6 +24,7 @@ struct MaskedMap::Bound final : Binding {
   std::shared_ptr<const Binding> inner;
   std::vector<Vec3> rest;
   std::vector<double> mask;
+  bool ones = false;  ///< the mask is 1 everywhere
 };
 
 MaskedMap::MaskedMap(std::shared_ptr<const LinearMap> map, std::vector<Index> nodes) : map_(std::move(map)) {
@@ -62,6 +64,7 @@ std::shared_ptr<const Binding> MaskedMap::bind(Points rest, std::span<const doub
   bound->mask.assign(mask.begin(), mask.end());
   for (std::size_t i = 0; i < rest.size(); ++i)
     if (!rest[i].allFinite()) bound->mask[i] = 0;
+  bound->ones = std::all_of(bound->mask.begin(), bound->mask.end(), [](double m) { return m == 1; });
   return bound;
 }
 
@@ -81,6 +84,7 @@ void MaskedMap::combine(const Binding& binding, Points nodeValues, std::span<Vec
   checkSize("out", out.size(), b.size());
   if (nodes_) b.map->combine(*b.inner, spread(nodeValues), out);
   else b.map->combine(*b.inner, nodeValues, out);
+  if (b.ones) return;
   parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       if (b.mask[i] == 0) out[i] = Vec3::Zero();  // whatever stands there, NaN too
@@ -92,14 +96,15 @@ void MaskedMap::gather(const Binding& binding, Points pointValues, std::span<Vec
   const Bound& b = own(binding);
   checkSize("pointValues", pointValues.size(), b.size());
   checkSize("out", out.size(), nodeCount());
-  std::vector<Vec3> masked(b.size());
+  std::vector<Vec3> masked(b.ones ? 0 : b.size());
   parallelFor(masked.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       masked[i] = b.mask[i] == 0 ? Vec3(Vec3::Zero()) : Vec3(b.mask[i] * pointValues[i]);
   });
-  if (!nodes_) return b.map->gather(*b.inner, masked, out);
+  const Points values = b.ones ? pointValues : Points(masked);
+  if (!nodes_) return b.map->gather(*b.inner, values, out);
   std::vector<Vec3> all(map_->nodeCount());
-  b.map->gather(*b.inner, masked, all);
+  b.map->gather(*b.inner, values, all);
   for (std::size_t i = 0; i < nodes_->size(); ++i) out[i] = all[(*nodes_)[i]];
 }
 

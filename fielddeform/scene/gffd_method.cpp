@@ -50,7 +50,7 @@ class GffdMethod final : public Method {
     if (map_->countMovable(*binding_) == 0)
       warnings.push_back(unpaired().value_or("no vertex is within the skeleton's influence: nothing was deformed; is the "
                                              "skeleton on the mesh?"));
-    binding_.reset();
+    if (!scene_.volume || scene_.resample) binding_.reset();  // the volume pass asks for weights and residuals
     return posedOf(std::move(deformed));
   }
 

@@ -171,14 +171,11 @@ class Runner {
     const std::vector<Vec3> tracked = posed_.position;
     pass.result = passOver(posed_.position);
     pass.foldsBefore = mesh::countFolds(mesh_, mesh_.positions(), tracked);
-    pass.foldsAfter = pass.result.needed ? mesh::countFolds(mesh_, mesh_.positions(), posed_.position) : pass.foldsBefore;
     std::vector<float> residual = posed_.residual;
     pass.residualBefore = maxAndP99(residual);
     method_->updateResiduals(mesh_, tracked, posed_.position, residual);
     pass.residualAfter = maxAndP99(std::move(residual));
     for (const std::string& warning : pass.result.warnings) warn(warning);
-    if (pass.foldsAfter > pass.foldsBefore)
-      warn(fmt::format("the volume pass folded {} edges more", pass.foldsAfter - pass.foldsBefore));
   }
 
   void measure() {
@@ -191,6 +188,11 @@ class Runner {
     const mesh::QualityReport quality = mesh::compareQuality(mesh_, rest, posed_.position);
     r.foldsBefore = foldsOfInput_.value_or(quality.sharpRest);
     r.foldsAfter = quality.folds;
+    if (r.volume.pass) {
+      r.volume.pass->foldsAfter = quality.folds;
+      if (const std::size_t before = r.volume.pass->foldsBefore; quality.folds > before)
+        warn(fmt::format("the volume pass folded {} edges more", quality.folds - before));
+    }
     r.stretch = {quality.stretch.max, quality.stretch.p99};
     r.flipped = mesh::countFlipped(mesh_, rest, posed_.position);
     if (const std::size_t stalled = r.status[static_cast<std::size_t>(Status::Stalled)]; stalled == r.vertices && stalled > 0)

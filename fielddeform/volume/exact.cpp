@@ -10,7 +10,8 @@
 namespace fielddeform::volume::detail {
 namespace {
 
-constexpr std::size_t kCoarseTriangles = 256;   // of the first grid, at least
+constexpr std::size_t kCoarseTriangles = 256;   // of the first grid, at least,
+constexpr std::size_t kCoarseShare = 64;        // and as many as the surface has over this: fewer evaluations of a large mesh
 constexpr std::size_t kDirectTriangles = 1500;  // below, a coarse copy saves nothing
 constexpr std::size_t kFormEntries = 16u << 20; // basis entries from which a form is still built
 
@@ -95,15 +96,15 @@ class ExactSolve {
   /// The problem's first level of enough triangles, else the surface with its vertices merged.
   Grid coarseGrid() {
     Grid g;
-    const std::size_t coarser = impl_.levels.size() - 1;
+    const std::size_t coarser = impl_.levels.size() - 1, least = std::max(kCoarseTriangles, impl_.fine().triangles() / kCoarseShare);
     for (std::size_t l = 0; l < coarser && !g.model; ++l)
-      if (impl_.levels[l].basis() && impl_.levels[l].triangles() >= kCoarseTriangles && 2 * impl_.levels[l].triangles() < impl_.fine().triangles())
+      if (impl_.levels[l].basis() && impl_.levels[l].triangles() >= least && 2 * impl_.levels[l].triangles() < impl_.fine().triangles())
         g.model = &impl_.levels[l], coarseLevel_ = l;
     std::vector<double> base;
     if (g.model) {
       base = impl_.baseVolume[coarseLevel_];
     } else {
-      const std::size_t vertices = std::clamp<std::size_t>(4 * impl_.rowOf.size(), 200, 2000);
+      const std::size_t vertices = std::clamp<std::size_t>(std::max(4 * impl_.rowOf.size(), least / 2), 200, 2000);
       g.own = std::make_unique<MeshModel>(clustered(*impl_.problem.map, impl_.problem.surface, impl_.fine(), vertices, impl_.problem.rims));
       g.model = g.own.get();
       coarseLevel_ = impl_.levels.size() - 1;

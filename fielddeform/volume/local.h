@@ -12,7 +12,7 @@
 
 /// The volume pass after a deformation: gives a mesh the volume back that an edit took or added, where the edit was.
 /// x' = x + m(x) sum_i phi_i(x) d_i with a cubic B-spline lattice phi around what moved, and a mask m that is exactly zero on
-/// what did not. docs/volume.md explains the parts.
+/// what did not. docs/volume-pass.md explains the parts.
 namespace fielddeform::volume {
 
 enum class MaskKind : std::uint8_t {

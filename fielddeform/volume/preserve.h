@@ -33,7 +33,8 @@ struct Step {
 struct AugmentedLagrangianOptions {
   Minimiser minimiser = Minimiser::ConjugateGradients;
   double tolerance = 5e-4;       ///< |dV| / V at which a level ends [Hirota et al. 1999, Table 1: .0005 to .0008]
-  double gradient = 1e-5;        ///< inner minimisation ends at |grad La| below this share of the first one's unit scale
+  double gradient = 1e-4;        ///< inner minimisation ends at |grad La|_inf, in units of the energy's curvature times the size: a
+                                 ///< tenth of the move that ends the levels
   /// Levels end when no node moved by more than this share of the size between two, and the estimated error C / N of the
   /// volume is within the tolerance.
   double levelChange = 1e-3;

@@ -1,4 +1,4 @@
-// Compares the combinations of the volume pass on eight edits (docs/volume.md): strain added (99th percentile over the edges of
+// Compares the combinations of the volume pass on eight edits (docs/volume-pass.md): strain added (99th percentile over the edges of
 // what moved), largest turn of a face normal by the pass, faces turned by more than 90 degrees, deviation, share undone, time.
 // Two of the edits are on homer.obj, from the folder of FIELDDEFORM_TEST_MESHES; without it they are left out.
 // Usage: local_volume_bench [--edit NAME] [--only COMBINATION] [--million]    --million: times of the pass on 1M vertices instead
@@ -159,9 +159,9 @@ void row(const EditCase& c, const Combination& combination) {
     });
     const Measures m = compare(c, result.position);
     const auto& r = result.report;
-    fmt::print("  {:34} {:6.3f} / {:5.1f} / {:4}  folds {:3} dV/V {:8.1e} tau {:4.2f} undone {:5.1f} % moves {:.4f} it {:3} nodes {}x{}x{} ({}) {:6.3f} s\n",
+    fmt::print("  {:34} {:6.3f} / {:5.1f} / {:4}  folds {:3} dV/V {:8.1e} tau {:4.2f} undone {:5.1f} % moves {:.4f} it {:3} nodes {}x{}x{} ({}) {:6.3f} CPU-s\n",
                combination.name, m.strain, m.turn, m.turned, m.folds, m.deviation, r.tau, 100 * r.undone, r.largest, r.iterations,
-               r.nodes[0], r.nodes[1], r.nodes[2], r.freeNodes, t.wall);
+               r.nodes[0], r.nodes[1], r.nodes[2], r.freeNodes, t.cpu);
   } catch (const InfeasibleError& error) {
     fmt::print("  {:34} refused: {}\n", combination.name, error.what());
   }

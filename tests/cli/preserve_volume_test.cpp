@@ -30,7 +30,7 @@ std::string barObj(int segments, bool open) {
     std::istringstream numbers(line);
     std::string x, y, z;
     numbers >> x >> y >> z;
-    out += "v " + x + " " + y + " " + z + "\n";
+    out.append("v ").append(x).append(" ").append(y).append(" ").append(z).append("\n");
   }
   std::vector<std::string> faces;
   while (std::getline(lines, line)) {
@@ -41,7 +41,7 @@ std::string barObj(int segments, bool open) {
     std::string face = "f";
     for (int k = 0; k < count && numbers >> v; ++k) {
       end = end && v >= 4 * segments;
-      face += " " + std::to_string(v + 1);
+      face.append(" ").append(std::to_string(v + 1));
     }
     if (!open || !end) faces.push_back(face);
   }
@@ -91,7 +91,8 @@ TEST_F(PreserveVolume, OfAFloatFileIsWhatRoundingLeavesUnlessDoublesAreWanted) {
   EXPECT_LE(deviation(folder / "bar.ply", folder / "double.ply"), 1e-12);
   const JsonDocument report = JsonDocument::read(folder / "float.json");
   const JsonValue volume = report.root().require("volume");
-  EXPECT_EQ(volume.require("as_written").number(), volumeOf(folder / "float.ply"));
+  // The same sum, but centred on the box before rounding and after it: the last bits may differ.
+  EXPECT_DOUBLE_EQ(volume.require("as_written").number(), volumeOf(folder / "float.ply"));
   EXPECT_NEAR(volume.require("relative_change").number(), 0, 1e-12);
 }
 

@@ -317,6 +317,26 @@ TEST(LatticeMap, TwoMillionNodesAreFine) {
   EXPECT_LE(map.basis(*map.bind(points)).value.size(), 64u * points.size());
 }
 
+TEST(LatticeMap, MorePiecesThanAShortNumberCountsAreFine) {
+  std::vector<double> knots{0};
+  for (int i = 0; i < 70000; ++i) knots.push_back(knots.back() + (i % 3 == 0 ? 0.5 : 1.0));
+  const AxisBasis many = AxisBasis::withKnots(1, knots), two = AxisBasis::bernstein(2);
+  const Lattice l = shaken(lattice(many, two, two), 33, 1e-6);
+  const LatticeMap map(l);
+  const std::vector<Vec3> points = cloud(34, 200), moved = applied(map, points);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    EXPECT_EQ(moved[i], map.position(points[i]));
+    const Vec3 u = l.box.axes.inverse() * (points[i] - l.box.origin);
+    const AxisBasis::Values a = many.evaluate(u[0]);
+    Vec3 d = Vec3::Zero();
+    for (int k = 0; k < 2; ++k)
+      for (int j = 0; j < 2; ++j)
+        for (int q = 0; q < 2; ++q)
+          d += a.weight[q] * (j ? u[1] : 1 - u[1]) * (k ? u[2] : 1 - u[2]) * l.displacements[l.index(a.first + q, j, k)];
+    EXPECT_LT((moved[i] - points[i] - d).norm(), 1e-15);  // rounding of the points; of u, times 1e5 segments, times 1e-6
+  }
+}
+
 TEST(LatticeMap, PowersOfTwoScaleEveryBit) {
   for (const Lattice& l : everyLattice())
     for (const double s : {1024.0, 0x1p-300, 0x1p500}) {

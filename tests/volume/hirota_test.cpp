@@ -46,7 +46,7 @@ TEST(Hirota, BothSolversAgree) {
   // Without levels they start from the same place. The tori are left out: there conjugate gradients end at a saddle.
   for (const VolumeCase& c : {tests::clubCompression(3), tests::clubBent(170, 3)}) {
     const Result exact = solve(c, {.exact = {.twoGrid = false}}), paper = solve(c, augmented(Minimiser::ConjugateGradients, false));
-    // The inner gradient tolerance of 1e-5 leaves 1e-5 of the size, the energy its square.
+    // The inner gradient tolerance of 1e-4 leaves some 1e-4 of the size, the energy its square.
     EXPECT_NEAR(paper.report.energy, exact.report.energy, 1e-4 * exact.report.energy) << c.name;
     double gap = 0;
     for (std::size_t i = 0; i < exact.displacements.size(); ++i) gap = std::max(gap, (exact.displacements[i] - paper.displacements[i]).norm());
@@ -69,7 +69,7 @@ TEST(Hirota, TwoGridsEndWhereTheFineFormDoes) {
 TEST(Hirota, LeavesTheSaddleOfTheSymmetricTorus) {
   const VolumeCase c = tests::torusCompression(1024);
   const Result stuck = solve(c, {.exact = {.maxSaddles = 0}}), paper = solve(c, augmented()), free = solve(c);
-  EXPECT_NEAR(paper.report.energy, stuck.report.energy, 1e-4);
+  EXPECT_NEAR(paper.report.energy, stuck.report.energy, 1e-3);
   EXPECT_GE(free.report.saddles, 1);
   EXPECT_LT(free.report.energy, 0.95 * stuck.report.energy);
   EXPECT_FALSE(stuck.report.message.empty());

@@ -171,7 +171,7 @@ TEST(VolumePassLattice, SurfaceEnergyFromMomentsIsTheMeanSquareDisplacement) {
 TEST(VolumePassShares, AreAlikeInABendAndLargeWhereAStretchWas) {
   const Mesh mesh = tests::makeCapsule({.around = 32, .along = 60, .bump = 0});
   const Made bent = make(mesh, tests::bendMap(mesh.positions(), 1.5));
-  for (const double s : bent.parts.part[0].share) EXPECT_NEAR(s, 1, 0.2);
+  for (const double s : bent.parts.part[0].share) EXPECT_NEAR(s, 1, 0.3);
   const Made stretched = make(mesh, halfStretched(mesh));
   const LocalPart& part = stretched.parts.part[0];
   for (std::size_t i = 0; i < part.size(); ++i) {

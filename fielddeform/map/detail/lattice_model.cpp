@@ -32,9 +32,9 @@ LatticeModel::LatticeModel(const Lattice& l) : lattice_(l), shape_(l.axis), tabl
   }
 }
 
-LatticeModel::Scratch::Scratch(const LatticeModel& model)
-    : weight(kBlock * model.shape_.stride), slope(model.shape_.stride),
-      rows(model.shape_.support[1] * model.shape_.support[2]), t(kBlock), cell(kBlock) {}
+LatticeModel::Scratch::Scratch(const LatticeModel& model, std::size_t points)
+    : weight(points * model.shape_.stride), slope(model.shape_.stride),
+      rows(model.shape_.support[1] * model.shape_.support[2]), t(points), cell(points) {}
 
 // Where a point stands: in `t` its parameters, of clamped box coordinates.
 PointKind LatticeModel::locate(const Vec3& x, Vec3& t, Cell& cell) const {

@@ -28,9 +28,9 @@ class LatticeModel {
   const Shape& shape() const noexcept { return shape_; }
   bool oneCell() const noexcept { return oneCell_; }
 
-  // Memory of one thread.
+  // Memory of one thread, for so many points at a time.
   struct Scratch {
-    explicit Scratch(const LatticeModel& model);
+    explicit Scratch(const LatticeModel& model, std::size_t points = kBlock);
     std::vector<double> weight, slope, rows;
     std::vector<Vec3> t;
     std::vector<Cell> cell;

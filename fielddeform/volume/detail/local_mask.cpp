@@ -99,6 +99,8 @@ std::vector<double> autoMask(const LocalEdit& e, const LocalInput& input, bool& 
   fromFalloff = falloffServes(e, input.weight);
   if (fromFalloff) {
     mask.assign(input.weight.begin(), input.weight.end());
+  } else if (std::find(e.still.begin(), e.still.end(), 1) == e.still.end()) {
+    mask.assign(e.vertexCount(), 1);
   } else {
     std::vector<std::uint8_t> counts(e.vertexCount());
     for (std::size_t v = 0; v < counts.size(); ++v) counts[v] = !e.still[v];

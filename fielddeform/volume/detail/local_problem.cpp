@@ -9,7 +9,10 @@
 namespace fielddeform::volume::detail {
 namespace {
 
-constexpr std::size_t kLevelRatio = 4, kCoarsest = 64;  // [Hirota et al. 1999]: quadrupled triangles
+constexpr std::size_t kLevelRatio = 4, kCoarsest = 64, kFewest = 16;  // triangles; [Hirota et al. 1999] quadruples them
+
+// Of the energy's gradient, in preserve()'s unit: beyond it no vertex moves by more than a ten thousandth of the size.
+constexpr double kOptimal = 1e-6;
 
 /// Springs between the nodes, and the mean square displacement of the surface: the springs alone would let a part slide back
 /// rigidly, which costs them nothing, where the paper pins nodes.
@@ -68,21 +71,30 @@ struct Joined {
   Surface bound(const map::MaskedMap& map) const { return {map.bind(base, mask), base, triangles, region}; }
 };
 
-// Coarser copies, a quarter of the triangles each; their vertices stand on the surface's own, and take their masks along.
+// Coarser copies, each made of the one before, a quarter of its triangles; their vertices stand on the surface's own, and take
+// their masks along.
 std::vector<Surface> levelsOf(const LocalParts& parts, const LocalLattice& lattice) {
-  std::size_t most = 0;
-  for (const LocalPart& part : parts.part) most = std::max(most, part.triangles.size() / 3);
+  std::vector<mesh::Mesh> now;
+  std::vector<std::vector<double>> mask;
+  for (const LocalPart& part : parts.part) now.emplace_back(part.base, part.triangles), mask.push_back(part.mask);
   std::vector<Surface> levels;
-  for (std::size_t divisor = kLevelRatio; most / divisor >= kCoarsest; divisor *= kLevelRatio) {
+  const auto largest = [&] {
+    std::size_t most = 0;
+    for (const mesh::Mesh& m : now) most = std::max(most, m.faceCount());
+    return most;
+  };
+  for (std::size_t before = largest(); before / kLevelRatio >= kCoarsest;) {
     Joined level;
-    for (Index c = 0; c < parts.part.size(); ++c) {
-      const LocalPart& part = parts.part[c];
-      const std::size_t faces = std::max<std::size_t>(part.triangles.size() / 3 / divisor, 16);
-      const mesh::Lod lod = mesh::simplify(mesh::Mesh(part.base, part.triangles), faces);
-      std::vector<double> mask;
-      for (const Index v : lod.vertexOf) mask.push_back(part.mask[v]);
-      level.add(lod.mesh.positions(), mask, lod.mesh.corners(), c);
+    for (Index c = 0; c < now.size(); ++c) {
+      mesh::Lod lod = mesh::simplify(now[c], std::max<std::size_t>(now[c].faceCount() / kLevelRatio, kFewest));
+      std::vector<double> kept;
+      for (const Index v : lod.vertexOf) kept.push_back(mask[c][v]);
+      level.add(lod.mesh.positions(), kept, lod.mesh.corners(), c);
+      now[c] = std::move(lod.mesh), mask[c] = std::move(kept);
     }
+    const std::size_t after = largest();
+    if (2 * after > before) break;  // rims that may not move leave nothing to collapse
+    before = after;
     levels.push_back(level.bound(*lattice.map));
   }
   std::reverse(levels.begin(), levels.end());
@@ -137,6 +149,8 @@ LocalSolved solveLocally(const LocalEdit& edit, const LocalMask& mask, LocalPart
     const Prepared prepared(problemOf(parts, lattice, std::move(energy), augmented));
     Options inner;
     inner.solver = augmented ? Solver::AugmentedLagrangian : Solver::Exact;
+    inner.exact.twoGrid = false;  // its coarse copy is made for lattices of few nodes
+    inner.exact.gradient = kOptimal;
     const Result result = preserve(prepared, inner, progress);
     out.iterations = result.report.iterations;
     // What is left of the volume, and of a rigid motion, by the pass's own step.

@@ -250,10 +250,13 @@ bool LocalSolve::iterate(int maxIterations, double tolerance, Progress& progress
 }
 
 double LocalSolve::polish(const ComponentVolumes& volumes) {
+  std::vector<Vec3> posed = edit_.posed;
   for (int i = 0;; ++i) {
-    std::vector<Vec3> posed = edit_.posed;
-    const std::vector<Vec3> moved = displacement();
-    for (std::size_t v = 0; v < posed.size(); ++v) posed[v] += moved[v];
+    for (std::size_t c = 0; c < parts_.part.size(); ++c) {
+      const LocalPart& part = parts_.part[c];
+      for (std::size_t k = 0; k < part.size(); ++k)
+        if (part.mask[k] > 0) posed[part.vertex[k]] = edit_.posed[part.vertex[k]] + (x_[c][k] - part.base[k]);
+    }
     const auto values = volumes.measure(posed);
     double worst = 0;
     for (const auto& value : values) worst = std::max(worst, value.deviation());
