@@ -124,8 +124,11 @@ std::optional<Workpiece> refineWhereItFails(const Workpiece& piece, std::span<co
 Solved solveRefining(const Workpiece& piece, const Targets& targets, const ManipulationOptions& given, std::size_t maxNodes,
                      Progress& progress) {
   // With nodes to spare, what only large changes could meet is better met by more nodes.
+  // Polynomials of high degree are never tame.
   ManipulationOptions options = given;
-  if (maxNodes > 0) {
+  const bool tame = maxNodes > 0 && std::all_of(piece.lattice.axis.begin(), piece.lattice.axis.end(),
+                                                [](const AxisBasis& a) { return a.kind() == BasisKind::BSpline; });
+  if (tame) {
     options.solver.rankTolerance = std::max(options.solver.rankTolerance, kTame);
     options.solver.maxIterations = std::min(options.solver.maxIterations, 200);
     options.solver.fallbackWork = std::min(options.solver.fallbackWork, 5e8);
@@ -158,6 +161,7 @@ Solved solveRefining(const Workpiece& piece, const Targets& targets, const Manip
     now = std::move(*best);
     ++out.refinements;
   }
+  if (tame && now.result.report.unmet > 0) now = attempt(std::move(now.piece), targets, given);
   out.before = std::move(now.piece);
   out.displacements = std::move(now.result.displacements);
   out.report = std::move(now.result.report);
