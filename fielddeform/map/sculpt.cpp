@@ -15,14 +15,14 @@ namespace {
 constexpr std::size_t kAdviceTargets = 500;   // more are not tried out for the advice
 constexpr std::size_t kAdviceNodes = 20'000;
 
-constexpr double kDamping = 0.05;
+constexpr double kPressDamping = 0.05;
 
 // What a tool asks of thousands of vertices is a wish, met to a share. Exact least squares would throw nodes that hardly reach
 // the surface far away for the last digits: they fold space there. Damped, they stay.
-ManipulationOptions forTools(ManipulationOptions options) {
+ManipulationOptions forTools(ManipulationOptions options, double damping) {
   options.solver.tolerance = std::max(options.solver.tolerance, 1e-6);
   options.solver.maxIterations = std::min(options.solver.maxIterations, 300);
-  options.solver.damping = std::max(options.solver.damping, kDamping);
+  options.solver.damping = std::max(options.solver.damping, damping);
   return options;
 }
 
@@ -178,7 +178,8 @@ MoveReport Sculptor::pull(const char* kind, Pull&& wanted) {
     for (std::size_t i = 0; i < most; ++i) some.push_back(targets.points[i * targets.points.size() / most]);
     targets.points = std::move(some);
   }
-  ManipulationOptions options = forTools(options_.solve);
+  // Damped misses grow with the square: 0.05 for the default of 2 %.
+  ManipulationOptions options = forTools(options_.solve, 0.35 * std::sqrt(options_.toolTolerance));
   options.tolerance = std::max(options.tolerance, options_.toolTolerance * farthest / size());
   solve(targets, options, report);
   if (report.solve.unmet > 0)
@@ -246,7 +247,7 @@ MoveReport Sculptor::operator()(const Press& move) {
       targets.points.push_back({rest_[v], contact[v].surface + 0.5 * tolerance * contact[v].out, 1});
     }
     ++report.rounds;
-    detail::Solved solved = detail::solveRefining(piece_, targets, forTools(options_.solve), 0, progress_);
+    detail::Solved solved = detail::solveRefining(piece_, targets, forTools(options_.solve, kPressDamping), 0, progress_);
     report.solve = std::move(solved.report);
     accept(std::move(solved.before), std::move(solved.displacements));
     in = inside(move.tool, contact);

@@ -12,7 +12,7 @@
 namespace fielddeform::numeric {
 namespace {
 
-constexpr double kFixedWeight = 1e4;
+constexpr double kFixedWeight = 1e6;
 constexpr double kDenseEntries = 1.6e7;  // 128 MB
 
 void requireMatrix(const char* name, const SparseRowsView& a) {

@@ -46,7 +46,7 @@ struct MinNormReport {
 /// @param a      #R rows
 /// @param b      #R by 3
 /// @param fixed  rows C with C x = 0 that hold whatever A asks; x is least within them. Dense: exactly. Lsqr: as rows that
-///               weigh 1e4 times the largest row of A.
+///               weigh 1e6 times the largest row of A.
 /// @return #columns by 3
 /// @throw std::invalid_argument if sizes differ, an index is out of range, or a number is not finite
 /// Cost, dense: rows * columns * rank operations, 8 bytes * rows * (columns + rank); else iterations * entries.

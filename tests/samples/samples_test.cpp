@@ -165,7 +165,7 @@ TEST(SamplesSlow, ScenesFollowTheirSkeletonsWithoutFolds) {
     EXPECT_TRUE(std::filesystem::exists(scene.output.mesh)) << entry.path();
     ++scenes;
   }
-  EXPECT_EQ(scenes, 5);
+  EXPECT_EQ(scenes, 13);
   std::filesystem::remove_all(folder);
 }
 
