@@ -112,6 +112,14 @@ std::vector<Vec3> solveSparse(const Rows& r, std::vector<Vec3> right, const MinN
   both.columns = r.touched.column.size();
   append(r.a, r.rows, 1, r.touched, both);
   if (!r.fixedRows.empty()) append(r.fixed, r.fixedRows, kFixedWeight * largestRow(r.a) / largestRow(r.fixed), r.touched, both);
+  if (options.damping > 0) {
+    const double weight = options.damping * largestRow(r.a);
+    for (std::size_t c = 0; c < both.columns; ++c) {
+      both.rowColumn.push_back(static_cast<Index>(c));
+      both.rowValue.push_back(weight);
+      both.endRow();
+    }
+  }
   both.finish();
   right.resize(both.rows, Vec3::Zero());
   std::vector<Vec3> y(both.columns);
@@ -134,6 +142,7 @@ std::vector<Vec3> minNormLeastSquares(const SparseRowsView& a, Points b, const S
   requireMatrix("fixed", fixed);
   requirePositive("rankTolerance", options.rankTolerance);
   requirePositive("tolerance", options.tolerance);
+  requireInRange("damping", options.damping, 0, 1e6);
   if (b.size() != a.rows()) throw std::invalid_argument(fmt::format("b: {} rows, expected {}", b.size(), a.rows()));
   if (fixed.rows() > 0 && fixed.columns != a.columns)
     throw std::invalid_argument(fmt::format("fixed: {} columns, expected {}", fixed.columns, a.columns));
@@ -154,9 +163,9 @@ std::vector<Vec3> minNormLeastSquares(const SparseRowsView& a, Points b, const S
   const double m = static_cast<double>(rows.size() + fixedRows.size()), n = static_cast<double>(touched.column.size());
   const double work = m * (n + std::min(m, n)) <= kDenseEntries ? m * n * std::min(m, n) : std::numeric_limits<double>::infinity();
   std::vector<Vec3> y;
-  if (!(work <= options.denseWork)) {
+  if (options.damping > 0 || !(work <= options.denseWork)) {
     y = solveSparse({a, rows, fixed, fixedRows, touched}, right, options, out);
-    if (out.converged || !(work <= options.fallbackWork)) return spread(y, touched, std::move(x));
+    if (out.converged || options.damping > 0 || !(work <= options.fallbackWork)) return spread(y, touched, std::move(x));
   }
   out.method = MinNormMethod::Dense;
   out.converged = true;

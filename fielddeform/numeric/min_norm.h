@@ -26,6 +26,9 @@ struct MinNormOptions {
   double denseWork = 2e7;        ///< rows * columns * min(rows, columns) up to which the dense method is taken (0: never)
   double fallbackWork = 2e9;     ///< the same, up to which it is taken after all if the iteration does not converge
   double tolerance = 1e-14;      ///< > 0: LSQR stops at this residual (of the right side) or gradient (of matrix * residual)
+  /// >= 0, of the largest row's length: |A x - b|^2 + (damping * length)^2 |x|^2 is least instead, by LSQR. What only large x
+  /// could reach is then not reached, nor paid for; 0: not.
+  double damping = 0;
   int maxIterations = 2000;      ///< >= 1, LSQR
 };
 

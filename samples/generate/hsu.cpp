@@ -99,9 +99,16 @@ mesh::Mesh prongRing() {
   std::vector<Vec3> points;
   std::vector<Index> corners, offsets{0};
   append(band, points, corners, offsets);
+  // The collet that carries the prongs.
+  std::vector<Eigen::Vector2d> collet;
+  for (int i = 0; i < 16; ++i) {
+    const double a = 2 * std::numbers::pi * i / 16;
+    collet.emplace_back(0.4 + 0.05 * std::cos(a), 1.06 + 0.05 * std::sin(a));
+  }
+  append(revolve(collet, 64, {}, Ends::Joined), points, corners, offsets);
   for (int k = 0; k < 6; ++k) {
     const double a = std::numbers::pi * (k + 0.5) / 3;
-    append(rod(Vec3(0.4 * std::cos(a), 0.95, 0.4 * std::sin(a)), 0.055, 0.85), points, corners, offsets);
+    append(rod(Vec3(0.4 * std::cos(a), 1.02, 0.4 * std::sin(a)), 0.055, 0.78), points, corners, offsets);
   }
   return mesh::Mesh(std::move(points), std::move(corners), std::move(offsets));
 }

@@ -157,6 +157,18 @@ TEST(MinNorm, TheDenseMethodTakesOverWhatTheIterationCannotEnd) {
   EXPECT_FALSE(report.converged);
 }
 
+TEST(MinNorm, DampingIsTikhonovs) {
+  const Eigen::MatrixXd a = randomMatrix(15, 30, 20, 12);
+  const Sparse rows = sparse(a);
+  const auto b = randomRight(16, 30);
+  MinNormOptions options;
+  options.damping = 0.1;
+  const auto x = minNormLeastSquares(rows.view(), b, {}, options);
+  const double weight = 0.1 * a.rowwise().norm().maxCoeff();
+  const Eigen::MatrixXd normal = a.transpose() * a + weight * weight * Eigen::MatrixXd::Identity(20, 20);
+  EXPECT_LT((matrix(x) - normal.ldlt().solve(a.transpose() * matrix(b))).norm(), 1e-10);
+}
+
 TEST(MinNorm, EmptyAndZeroSystemsMoveNothing) {
   const std::vector<Vec3> zero(3, Vec3::Zero()), one(3, Vec3::Ones());
   const Sparse none = sparse(Eigen::MatrixXd::Zero(3, 5));

@@ -11,6 +11,7 @@ namespace fielddeform::map::detail {
 namespace {
 
 constexpr double kSmallestPiece = 1e-6;  // of the box: no piece is divided below
+constexpr double kTame = 0.02;           // share of the largest row that a row must add to count as free of the others
 constexpr double kGain = 0.05;           // share of the squared misses that a refinement of one axis must take away
 
 Workpiece apply(const Workpiece& piece, int axis, const AxisRefinement& refinement) {
@@ -120,8 +121,18 @@ std::optional<Workpiece> refineWhereItFails(const Workpiece& piece, std::span<co
   return out;
 }
 
-Solved solveRefining(const Workpiece& piece, const Targets& targets, const ManipulationOptions& options, std::size_t maxNodes,
+Solved solveRefining(const Workpiece& piece, const Targets& targets, const ManipulationOptions& given, std::size_t maxNodes,
                      Progress& progress) {
+  // With nodes to spare, what only large changes could meet is better met by more nodes.
+  // Polynomials of high degree are never tame.
+  ManipulationOptions options = given;
+  const bool tame = maxNodes > 0 && std::all_of(piece.lattice.axis.begin(), piece.lattice.axis.end(),
+                                                [](const AxisBasis& a) { return a.kind() == BasisKind::BSpline; });
+  if (tame) {
+    options.solver.rankTolerance = std::max(options.solver.rankTolerance, kTame);
+    options.solver.maxIterations = std::min(options.solver.maxIterations, 200);
+    options.solver.fallbackWork = std::min(options.solver.fallbackWork, 5e8);
+  }
   Attempt now = attempt(piece, targets, options);
   Solved out;
   while (now.result.report.unmet > 0) {
@@ -150,6 +161,7 @@ Solved solveRefining(const Workpiece& piece, const Targets& targets, const Manip
     now = std::move(*best);
     ++out.refinements;
   }
+  if (tame && now.result.report.unmet > 0) now = attempt(std::move(now.piece), targets, given);
   out.before = std::move(now.piece);
   out.displacements = std::move(now.result.displacements);
   out.report = std::move(now.result.report);
