@@ -30,7 +30,7 @@ struct VolumeReport {
   std::optional<double> after;
   std::optional<double> asWritten;     ///< after rounding to the types of the written file; absent if nothing is written
   std::string reason;                  ///< why there is none, e.g. "the mesh is open"; empty if there is one
-  std::optional<VolumePassReport> pass{};
+  std::optional<VolumePassReport> pass{};  ///< absent without a volume pass
 
   /// (after - before) / before; absent without both or if before is 0.
   std::optional<double> relativeChange() const;

@@ -387,6 +387,20 @@ TEST(LatticeMap, WhatIsNotFiniteComesBackAsItIs) {
   EXPECT_EQ(jacobian[1], map.jacobian(points[1]));
 }
 
+TEST(LatticeMap, AnImageBeyondDoubleLeavesThePointAndItsNeighboursAreFine) {
+  const AxisBasis axis = AxisBasis::bernstein(2);
+  LatticeBox box;
+  box.axes *= 1e308;
+  Lattice l = lattice(axis, axis, axis, box);
+  l.displacements.assign(8, Vec3(1e308, 0, 0));
+  const std::vector<Vec3> points{Vec3(9e307, 0, 0), Vec3(1e307, 0, 0)};
+  std::vector<Status> status;
+  const std::vector<Vec3> moved = applied(LatticeMap(l), points, &status);
+  EXPECT_EQ(moved[0], points[0]);
+  EXPECT_EQ(moved[1], Vec3(1.1e308, 0, 0));
+  EXPECT_EQ(status, (std::vector<Status>{Status::Invalid, Status::Converged}));
+}
+
 TEST(LatticeMap, BindingsServeOtherDisplacements) {
   const AxisBasis axis = AxisBasis::bspline(5, 2, Border::Free);
   const Lattice l = shaken(lattice(axis, axis, axis), 23, 0.3), m = shaken(l, 24, 0.3);

@@ -151,7 +151,8 @@ TEST(SamplesSlow, ScenesFollowTheirSkeletonsWithoutFolds) {
   }
   int scenes = 0;
   for (const auto& entry : std::filesystem::directory_iterator(FIELDDEFORM_SAMPLES_DIR)) {
-    if (!std::filesystem::exists(entry.path() / "scene.json")) continue;
+    // The figures of Qin et al.; those of Hsu et al. are run by hsu_test.cpp.
+    if (!entry.path().filename().string().starts_with("figure")) continue;
     const auto copy = folder / entry.path().filename();
     std::filesystem::create_directories(copy);
     std::filesystem::copy_file(entry.path() / "scene.json", copy / "scene.json",
