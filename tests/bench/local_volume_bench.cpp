@@ -189,7 +189,7 @@ void million() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::string edit = bench::option(argc, argv, "--edit", ""), only = bench::option(argc, argv, "--only", "");
+  const std::string edit = bench::option(argc, argv, "--edit", ""), only = bench::option(argc, argv, "--only", bench::quick() ? "auto/surface" : "");
   bench::printMachine(bench::quick() ? 1 : 3);
   for (int i = 1; i < argc; ++i)
     if (std::string(argv[i]) == "--million") return million(), 0;
