@@ -18,9 +18,10 @@ Tracked trackAsPrinted(const field::Field& posed, const std::function<Vec3(const
 
 /// Points around the skeleton's own, which tell the warp how space turns.
 enum class FramePoints : std::uint8_t {
-  /// Around lines and points, six a vertex, 0.2 radii along the axes of the world, each line turned by itself: parallel
-  /// transport from its first vertex, which turns by the smallest rotation. Neighbours do not agree, so that rigid edits
-  /// are not exact: what the prototype's figures of Fig. 5 were made with.
+  /// Around lines and points, six a vertex, along the axes of the world, 0.2 radii away but not more than 0.41 of the way
+  /// to the nearest other primitive; each line turned by itself: parallel transport from one vertex, which turns by the
+  /// line's best fit and then the smallest rotation of its tangent. Neighbours do not agree, so that rigid edits are not
+  /// exact: what reproduces the prototype's figures of Fig. 5.
   Naive,
   /// Four a vertex, 0.05 radii off, by the predictors' frames; only where all points lie on one straight line.
   Straight,

@@ -1,7 +1,10 @@
 #include <fielddeform/core/rigid.h>
 #include <fielddeform/gffd/detail/paper.h>
 
+#include <fielddeform/numeric/rotation.h>
+
 #include <algorithm>
+#include <limits>
 
 namespace fielddeform::gffd::detail {
 namespace {
@@ -10,7 +13,10 @@ using skeleton::Primitive;
 using skeleton::Skeleton;
 
 constexpr double kStraightOffset = 0.05;  // radii
-constexpr double kNaiveOffset = 0.2;      // radii, fitted to the prototype's figures: bend 180 to three digits
+// Fitted to the prototype's figures of Fig. 5, whose frame points are not written down (docs/tracking.md).
+constexpr double kNaiveOffset = 0.2;  // radii
+constexpr double kNaiveRoom = 0.41;   // of the distance to the nearest other primitive: points must not interleave
+constexpr double kNaiveRoot = 0.15;   // of a line's vertices
 
 bool onOneLine(const std::vector<Vec3>& points, Vec3& direction) {
   direction = Vec3::Zero();
@@ -63,7 +69,17 @@ std::vector<Vec3> tangents(const Primitive& line) {
 
 double rollOf(const Primitive& p, std::size_t j) { return p.roll.empty() ? 0 : p.roll[j]; }
 
-// Each line by itself: parallel transport from its first vertex, whose tangent turns by the smallest rotation.
+// The turn of a line's own best fit.
+Quat ownTurn(const Primitive& rest, const Primitive& posed) {
+  const auto n = static_cast<double>(rest.points.size());
+  Vec3 p = Vec3::Zero(), q = Vec3::Zero();
+  for (std::size_t j = 0; j < rest.points.size(); ++j) p += rest.points[j] / n, q += posed.points[j] / n;
+  Mat3 c = Mat3::Zero();
+  for (std::size_t j = 0; j < rest.points.size(); ++j) c += (rest.points[j] - p) * (posed.points[j] - q).transpose();
+  return numeric::kabschQuaternion(c);
+}
+
+// Each line by itself: its own best fit, then the smallest rotation of the root's tangent, then parallel transport.
 std::vector<Quat> naiveRotations(const Primitive& rest, const Primitive& posed) {
   const std::size_t n = rest.points.size();
   std::vector<Quat> r(n, Quat::Identity());
@@ -73,9 +89,14 @@ std::vector<Quat> naiveRotations(const Primitive& rest, const Primitive& posed) 
     return r;
   }
   const std::vector<Vec3> t0 = tangents(rest), t1 = tangents(posed);
-  r[0] = minimalRotation(t0[0], t1[0]);
-  for (std::size_t j = 1; j < n; ++j)
-    r[j] = (minimalRotation(t1[j - 1], t1[j]) * r[j - 1] * minimalRotation(t0[j - 1], t0[j]).conjugate()).normalized();
+  const auto root = static_cast<std::size_t>(kNaiveRoot * static_cast<double>(n - 1));
+  const Quat own = ownTurn(rest, posed);
+  r[root] = (minimalRotation(own * t0[root], t1[root]) * own).normalized();
+  const auto carry = [&](std::size_t from, std::size_t to) {
+    r[to] = (minimalRotation(t1[from], t1[to]) * r[from] * minimalRotation(t0[from], t0[to]).conjugate()).normalized();
+  };
+  for (std::size_t j = root + 1; j < n; ++j) carry(j - 1, j);
+  for (std::size_t j = root; j-- > 0;) carry(j + 1, j);
   for (std::size_t j = 0; j < n; ++j)
     if (const double roll = rollOf(posed, j) - rollOf(rest, j); roll != 0)
       r[j] = (Quat(Eigen::AngleAxisd(roll, t1[j])) * r[j]).normalized();
@@ -84,6 +105,23 @@ std::vector<Quat> naiveRotations(const Primitive& rest, const Primitive& posed) 
 
 // The points of a mesh say by themselves how space turns.
 bool takesFrames(const Primitive& p) { return p.type != skeleton::PrimitiveType::Mesh; }
+
+// The middle one of the distances from a primitive's vertices to the nearest vertex of another; infinite without another.
+double roomAround(const Skeleton& rest, std::size_t i, std::size_t stride) {
+  std::vector<double> distances;
+  for (std::size_t j = 0; j < rest.primitives[i].points.size(); j += stride) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (std::size_t other = 0; other < rest.primitives.size(); ++other) {
+      const std::vector<Vec3>& points = rest.primitives[other].points;
+      for (std::size_t k = 0; other != i && k < points.size(); k += stride)
+        nearest = std::min(nearest, (points[k] - rest.primitives[i].points[j]).norm());
+    }
+    distances.push_back(nearest);
+  }
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  return *middle;
+}
 
 // Six points around every stride-th vertex of lines and points, along the axes of the world.
 void addNaiveFrames(const Skeleton& rest, const Skeleton& posed, std::size_t most, WarpPairs& out) {
@@ -101,10 +139,12 @@ void addNaiveFrames(const Skeleton& rest, const Skeleton& posed, std::size_t mos
     const Primitive &p = rest.primitives[i], &q = posed.primitives[i];
     if (!takesFrames(p)) continue;
     const std::vector<Quat> turn = naiveRotations(p, q);
+    const double space = kNaiveRoom * roomAround(rest, i, stride);
     for (std::size_t j = 0; j < p.points.size(); j += stride) {
       const double r = p.pointRadius.empty() ? p.radius.value_or(1) : p.pointRadius[j];
       for (int k = 0; k < 6; ++k) {
-        const Vec3 offset = (k % 2 ? -kNaiveOffset : kNaiveOffset) * r * Vec3::Unit(k / 2);
+        const double length = std::min(kNaiveOffset * r, space);
+        const Vec3 offset = (k % 2 ? -length : length) * Vec3::Unit(k / 2);
         out.rest.push_back(p.points[j] + offset);
         out.posed.push_back(q.points[j] + turn[j] * offset);
       }
