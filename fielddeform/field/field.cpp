@@ -163,6 +163,12 @@ const FieldOptions& Field::options() const noexcept { return impl_->options; }
 std::size_t Field::primitiveCount() const noexcept { return impl_->terms.size(); }
 double Field::referenceRadius() const noexcept { return impl_->reference; }
 double Field::radius(std::size_t primitive) const { return impl_->terms.at(primitive).distance.greatestRadius(); }
+double Field::weight(std::size_t primitive) const { return impl_->terms.at(primitive).weight; }
+Box Field::bounds() const {
+  Box box;
+  for (const auto& t : impl_->terms) box.extend(t.distance.bounds());
+  return box;
+}
 
 FieldValue Field::evaluate(const Vec3& point) const { return impl_->evaluate(point); }
 

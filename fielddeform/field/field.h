@@ -62,6 +62,8 @@ class Field {
   std::size_t primitiveCount() const noexcept;
   double referenceRadius() const noexcept;          ///< R = max over primitives of positive weight and their points, world
   double radius(std::size_t primitive) const;       ///< the primitive's greatest radius, world
+  double weight(std::size_t primitive) const;
+  Box bounds() const;                               ///< of the points of all primitives, world
 
   FieldValue evaluate(const Vec3& point) const;
   /// Many points, in parallel. @throw std::invalid_argument if the sizes differ

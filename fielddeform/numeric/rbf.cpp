@@ -108,6 +108,7 @@ struct Rbf::Impl {
   void pack(const std::vector<Vec3>& weight);
   Vec3 local(const Vec3& p) const { return (p - origin) * scale; }
   Vec3 at(const Vec3& q) const;
+  double firstAt(const Vec3& q, Vec3& gradient) const;
 };
 
 void Rbf::Impl::normalize(Points centres, Points values) {
@@ -235,6 +236,22 @@ void Rbf::Impl::pack(const std::vector<Vec3>& weight) {
   }
 }
 
+double Rbf::Impl::firstAt(const Vec3& q, Vec3& gradient) const {
+  double sum[4][kLanes] = {};
+  for (const double *b = soa.data(), *end = b + soa.size(); b != end; b += 6 * kLanes)
+    for (std::size_t l = 0; l < kLanes; ++l) {
+      const double x = q.x() - b[l], y = q.y() - b[kLanes + l], z = q.z() - b[2 * kLanes + l];
+      const double r2 = x * x + y * y + z * z, s = b[3 * kLanes + l] * std::sqrt(r2);
+      sum[0][l] += s * r2;
+      sum[1][l] += s * x;
+      sum[2][l] += s * y;
+      sum[3][l] += s * z;
+    }
+  const auto total = [&](int k) { return (sum[k][0] + sum[k][2]) + (sum[k][1] + sum[k][3]); };
+  gradient = 3 * Vec3(total(1), total(2), total(3)) + linear.row(0).transpose();  // grad r^3 = 3 r (p - c)
+  return total(0) + (constant.x() + linear.row(0).dot(q));
+}
+
 Vec3 Rbf::Impl::at(const Vec3& q) const {
   double sum[3][kLanes] = {};
   for (const double *b = soa.data(), *end = b + soa.size(); b != end; b += 6 * kLanes)
@@ -261,6 +278,12 @@ Rbf& Rbf::operator=(Rbf&&) noexcept = default;
 const RbfReport& Rbf::report() const noexcept { return impl_->report; }
 
 Vec3 Rbf::evaluate(const Vec3& point) const { return impl_->at(impl_->local(point)); }
+
+double Rbf::first(const Vec3& point, Vec3& gradient) const {
+  const double value = impl_->firstAt(impl_->local(point), gradient);
+  gradient *= impl_->scale;
+  return value;
+}
 
 Mat3 Rbf::jacobian(const Vec3& point) const {
   const Vec3 q = impl_->local(point);

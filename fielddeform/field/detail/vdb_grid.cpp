@@ -135,10 +135,11 @@ bool VdbGrid::sample(const Vec3& point, Sampling sampling, double& value, Vec3& 
   return true;
 }
 
-void VdbGrid::describe(const std::string& name, const MetaData& meta, bool levelSet) {
+void VdbGrid::describe(const std::string& name, const MetaData& meta, VdbClass what) {
   openvdb::FloatGrid& grid = *impl_->grid;
   grid.setName(name);
-  grid.setGridClass(levelSet ? openvdb::GRID_LEVEL_SET : openvdb::GRID_UNKNOWN);
+  grid.setGridClass(what == VdbClass::LevelSet ? openvdb::GRID_LEVEL_SET
+                    : what == VdbClass::Fog ? openvdb::GRID_FOG_VOLUME : openvdb::GRID_UNKNOWN);
   for (const auto& [key, value] : meta) {
     if (const auto* text = std::get_if<std::string>(&value)) grid.insertMeta(key, openvdb::StringMetadata(*text));
     else grid.insertMeta(key, openvdb::DoubleMetadata(std::get<double>(value)));

@@ -14,6 +14,8 @@ namespace fielddeform::field::detail {
 using MetaValue = std::variant<std::string, double>;
 using MetaData = std::map<std::string, MetaValue>;
 
+enum class VdbClass : std::uint8_t { Unknown, LevelSet, Fog };
+
 /// Floats at the points of a lattice, in whole leaves of 8^3 voxels.
 class VdbGrid {
  public:
@@ -32,7 +34,7 @@ class VdbGrid {
   /// Value and gradient (by world) at a point; false if a voxel of the stencil is in no leaf. Many threads may ask.
   bool sample(const Vec3& point, Sampling sampling, double& value, Vec3& gradient) const;
 
-  void describe(const std::string& name, const MetaData& meta, bool levelSet);
+  void describe(const std::string& name, const MetaData& meta, VdbClass what);
 
  private:
   struct Impl;

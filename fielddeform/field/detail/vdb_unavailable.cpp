@@ -24,7 +24,7 @@ float* VdbGrid::values(std::size_t) { return nullptr; }
 std::size_t VdbGrid::voxelCount() const noexcept { return 0; }
 double VdbGrid::megabytes() const { return 0; }
 bool VdbGrid::sample(const Vec3&, Sampling, double&, Vec3&) const { return false; }
-void VdbGrid::describe(const std::string&, const MetaData&, bool) {}
+void VdbGrid::describe(const std::string&, const MetaData&, VdbClass) {}
 
 void writeVdbFile(std::span<const VdbGrid>, const std::filesystem::path&) { refuse(".vdb files"); }
 VdbContent readVdbFile(const std::filesystem::path&, const std::string&, std::optional<double>, double) {
