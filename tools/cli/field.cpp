@@ -25,8 +25,8 @@ struct Slice {
 struct FieldCommand {
   std::string skeleton;
   std::vector<std::string> outputs;
-  field::FieldOptions field;
   field::VdbWriteOptions write;
+  field::FieldOptions field;
   std::optional<double> radius;
   std::vector<double> isovalues;
   std::optional<Slice> slice;
