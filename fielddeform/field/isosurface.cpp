@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 namespace fielddeform::field {
 namespace {
@@ -15,6 +16,8 @@ namespace {
 constexpr double kSamplesARadius = 16;
 constexpr double kSamplesAValue = 3;
 constexpr double kBytesEach = 2048 + 64;  // a block's floats, and its place in lists
+// In voxels: skeletons and radii are round numbers, and a surface through lattice points has needles there.
+const Vec3 kAside(0.377, 0.291, 0.423);
 constexpr int kSteps = 12;                // of a bracketing secant: the bracket shrinks to rounding
 
 double voxelOf(const Field& field, double value, const SampleOptions& options) {
@@ -37,7 +40,7 @@ Vec3 crossing(const Field& field, double value, const Vec3& a, const Vec3& b) {
     if ((fm < 0) == (ft < 0)) fs *= 0.5;
     else s = t, fs = ft;
     t = middle, ft = fm;
-    if (std::abs(fm) <= 1e-5 * (b - a).norm()) break;
+    if (std::abs(fm) <= 1e-7 * (b - a).norm()) break;
   }
   return at(detail::betweenEnds(t));
 }
@@ -52,7 +55,8 @@ void SampleOptions::validate() const {
 mesh::Mesh isosurface(const Field& field, double value, const SampleOptions& options, Progress& progress) {
   options.validate();
   requireFinite("isovalue", value);
-  const detail::Lattice lattice = detail::latticeOf(field, voxelOf(field, value, options));
+  detail::Lattice lattice = detail::latticeOf(field, voxelOf(field, value, options));
+  lattice.origin += lattice.voxel * kAside;
   // Beyond all radii D is the least R d / r; within, the surface is where some primitive reaches.
   const double reach = std::max(1.0, value / field.referenceRadius());
   const detail::BlockBudget budget{options.maxMegabytes, kBytesEach, fmt::format("the isosurface {:.4g}", value)};
@@ -65,9 +69,14 @@ mesh::Mesh isosurface(const Field& field, double value, const SampleOptions& opt
       values[i] = static_cast<float>(std::clamp(d, -1e30, 1e30));
     }
   });
-  mesh::Mesh surface = detail::polygonise(corners, values, [&](const detail::Cell& a, const detail::Cell& b, double, double) {
-    return crossing(field, value, lattice.point(a), lattice.point(b));
-  });
+  mesh::Mesh surface;
+  try {
+    surface = detail::polygonise(corners, values, options.maxMegabytes, [&](const detail::Cell& a, const detail::Cell& b, double, double) {
+      return crossing(field, value, lattice.point(a), lattice.point(b));
+    });
+  } catch (const std::length_error&) {
+    throw std::invalid_argument(fmt::format("{} needs more than {:.4g} MB with voxels of {:.4g}", budget.what, options.maxMegabytes, lattice.voxel));
+  }
   mesh::Attribute attribute{"isovalue", mesh::Element::Vertex, 1, mesh::Interpolation::Linear,
                             std::vector<double>(surface.vertexCount(), value), {}, {}};
   surface.attributes().push_back(std::move(attribute));

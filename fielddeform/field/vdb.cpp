@@ -1,8 +1,10 @@
+#include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/field/detail/cover.h>
 #include <fielddeform/field/detail/polygonise.h>
 #include <fielddeform/field/detail/vdb_grid.h>
+#include <fielddeform/field/detail/vdb_surface.h>
 #include <fielddeform/field/vdb.h>
 #include <fielddeform/skeleton/io.h>
 #include <fmt/format.h>
@@ -10,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 namespace fielddeform::field {
 namespace {
@@ -79,26 +82,49 @@ std::vector<VdbGridReport> writeVdb(const Field& field, const skeleton::Skeleton
   return reports;
 }
 
-mesh::Mesh readVdbSurface(const std::filesystem::path& path, const VdbReadOptions& options) {
-  requireInRange("memory (MB)", options.maxMegabytes, 1e-3, 1e9);
-  if (options.isovalue) requireFinite("isovalue", *options.isovalue);
-  const detail::VdbContent content = detail::readVdbFile(path, options.grid, options.isovalue, options.maxMegabytes);
+namespace {
+
+mesh::Mesh surfaceOf(const detail::VdbContent& content, double megabytes) {
   const Mat3 linear = content.toWorld.block<3, 3>(0, 0);
   const Vec3 origin = content.toWorld.block<3, 1>(0, 3);
-  if (!linear.allFinite() || !origin.allFinite()) throw IoError(path, "the grid's transform is not finite");
-  mesh::Mesh surface = detail::polygonise(
-      content.corners, content.values, [&](const detail::Cell& a, const detail::Cell& b, double va, double vb) -> Vec3 {
+  const mesh::Mesh surface = detail::polygonise(
+      content.corners, content.values, megabytes, [&](const detail::Cell& a, const detail::Cell& b, double va, double vb) -> Vec3 {
         const double t = detail::betweenEnds(va / (va - vb));
         const Vec3 from(a[0], a[1], a[2]), to(b[0], b[1], b[2]);
         return origin + linear * (from + t * (to - from));
       });
-  if (surface.faceCount() == 0)
-    throw IoError(path, fmt::format("grid \"{}\" does not take the value {} anywhere", content.name,
-                                    options.isovalue.value_or(content.fog ? 0.5 : 0)));
   if (!(linear.determinant() < 0)) return surface;
   std::vector<Index> corners = surface.corners();  // a mirrored grid
   for (std::size_t f = 0; f + 2 < corners.size(); f += 3) std::swap(corners[f + 1], corners[f + 2]);
   return {surface.positions(), std::move(corners)};
+}
+
+}  // namespace
+
+mesh::Mesh parseVdbSurface(std::string_view bytes, const std::filesystem::path& path, const VdbReadOptions& options) {
+  requireInRange("memory (MB)", options.maxMegabytes, 1e-3, 1e9);
+  if (options.isovalue) requireFinite("isovalue", *options.isovalue);
+  const detail::VdbContent content = detail::readVdbContent(bytes, path, options.grid, options.isovalue, options.maxMegabytes);
+  mesh::Mesh surface;
+  try {
+    surface = surfaceOf(content, options.maxMegabytes);
+  } catch (const std::length_error&) {
+    throw IoError(path, fmt::format("the surface of grid \"{}\" takes more than {:.4g} MB", content.name, options.maxMegabytes));
+  }
+  if (surface.faceCount() == 0)
+    throw IoError(path, fmt::format("grid \"{}\" does not take the value {} anywhere", content.name,
+                                    options.isovalue.value_or(content.fog ? 0.5 : 0)));
+  for (const Vec3& p : surface.positions())
+    if (!p.allFinite()) throw IoError(path, "the grid's transform leads beyond the numbers");
+  return surface;
+}
+
+mesh::Mesh readVdbSurface(const std::filesystem::path& path, const VdbReadOptions& options) {
+  std::error_code unknown;  // a pipe, or no file: said by what follows
+  const std::uintmax_t size = std::filesystem::file_size(path, unknown);
+  if (!unknown && static_cast<double>(size) > options.maxMegabytes * 1e6)
+    throw IoError(path, fmt::format("{:.4g} MB, must be <= {:.4g} MB", 1e-6 * static_cast<double>(size), options.maxMegabytes));
+  return parseVdbSurface(readTextFile(path), path, options);
 }
 
 bool isVdb(const std::filesystem::path& path) {

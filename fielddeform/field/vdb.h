@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace fielddeform::field {
@@ -33,13 +34,17 @@ std::vector<VdbGridReport> writeVdb(const Field& field, const skeleton::Skeleton
 struct VdbReadOptions {
   std::string grid = {};                  ///< name; empty: the first grid of floats or doubles
   std::optional<double> isovalue = {};    ///< absent: 0 for a level set, 0.5 for a fog volume
-  double maxMegabytes = 4096;
+  double maxMegabytes = 4096;             ///< of the file, of the volume read, and of the surface: each
 };
 
 /// The surface of a level set (negative inside) or fog volume (high inside) of a file, in world space, closed unless the
-/// volume runs against the end of its stored voxels with other than background values.
-/// @throw IoError if the file or the grid cannot be read, or has no such surface
+/// volume runs against the end of its stored voxels with other than background values. The reader is our own (file
+/// versions 222 to 224, float or double grids, also half precision; zip and Blosc) and needs no OpenVDB: any bytes give a
+/// surface or an error.
+/// @throw IoError if the file or the grid cannot be read, exceeds the memory, or has no such surface
 mesh::Mesh readVdbSurface(const std::filesystem::path& path, const VdbReadOptions& options = {});
+/// The same from bytes. @param path  for messages
+mesh::Mesh parseVdbSurface(std::string_view bytes, const std::filesystem::path& path, const VdbReadOptions& options = {});
 
 /// Whether the file's name ends in .vdb.
 bool isVdb(const std::filesystem::path& path);

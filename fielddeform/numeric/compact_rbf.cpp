@@ -21,6 +21,12 @@ constexpr double kFlat = 1e-9;    // thinner than this, of the greatest spread: 
 constexpr double kCoarsest = 1;   // spacing of the first level, of half the extent
 constexpr int kMostLevels = 24;
 constexpr double kLoose = 1e-2;   // a coarse level need not do better than this share of what it was given
+// With r the distance, s a support: phi(r / s) = 1 - 10 (r / s)^2 + 20 (r / s)^3 - ..., so that s^3 / 20 phi is r^3 to what is
+// fine. Both fall off as the sixth power of the frequency.
+constexpr double kCubic = 20;
+constexpr double kWiden = 4;      // of the first level's support where there is smoothing: it is to be r^3 to all that fits in
+constexpr double kSpent = 100;    // a level that the smoothing holds back so much takes nothing, nor do finer ones
+constexpr double kSmoothSolved = 1e-5;  // of the gradient at weights 0
 constexpr std::size_t kGrain = 256;
 
 void requireInput(Points centres, std::span<const double> values, const CompactRbfOptions& o) {
@@ -52,24 +58,23 @@ double greatest(const std::vector<double>& x) {
 // One level: kernels of one support on a subset of the centres.
 struct Level {
   CellList cells;
-  std::vector<double> weight;  // in the cells' order
+  std::vector<double> weight = {};  // in the cells' order
   double support;
+  std::vector<Index> centre = {};   // which they are, likewise
 };
 
-// The level's symmetric matrix, rows of the kernels that overlap.
-struct Matrix {
+// A sparse matrix by rows.
+template <class T>
+struct Rows {
   std::vector<std::size_t> begin;
   std::vector<Index> column;
-  std::vector<double> value;
+  std::vector<T> value;
 
-  Matrix(const CellList& cells, double support, double diagonal) {
-    const std::size_t n = cells.size();
-    begin.assign(n + 1, 0);
-    const auto row = [&](std::size_t i, auto&& take) {
-      cells.forEachNear(cells.point(i), support, [&](std::size_t j, const Vec3&, double r2) { take(j, std::sqrt(r2) / support); });
-    };
+  /// @param entries  calls its second argument with (column, value) for all entries of a row, the same each time
+  template <class Entries>
+  Rows(std::size_t n, const Entries& entries) : begin(n + 1, 0) {
     parallelFor(n, kGrain, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) row(i, [&](std::size_t, double) { ++begin[i + 1]; });
+      for (std::size_t i = first; i < last; ++i) entries(i, [&](std::size_t, double) { ++begin[i + 1]; });
     });
     for (std::size_t i = 0; i < n; ++i) begin[i + 1] += begin[i];
     column.resize(begin[n]);
@@ -77,33 +82,43 @@ struct Matrix {
     parallelFor(n, kGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) {
         std::size_t at = begin[i];
-        row(i, [&](std::size_t j, double t) {
+        entries(i, [&](std::size_t j, double v) {
           column[at] = static_cast<Index>(j);
-          value[at++] = kernel(t) + (i == j ? diagonal : 0);
+          value[at++] = static_cast<T>(v);
         });
       }
     });
   }
   void multiply(const std::vector<double>& x, std::vector<double>& y) const {
-    parallelFor(x.size(), kGrain, [&](std::size_t first, std::size_t last) {
+    parallelFor(begin.size() - 1, kGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) {
         double sum = 0;
-        for (std::size_t k = begin[i]; k < begin[i + 1]; ++k) sum += value[k] * x[column[k]];
+        for (std::size_t k = begin[i]; k < begin[i + 1]; ++k) sum += static_cast<double>(value[k]) * x[column[k]];
         y[i] = sum;
       }
     });
   }
 };
 
-// Conjugate gradients until every residual is within the tolerance. @return iterations
-int solve(const Matrix& a, const std::vector<double>& b, std::vector<double>& x, double tolerance, int most) {
+// Kernels against each other.
+Rows<double> symmetricMatrix(const CellList& cells, double support, double diagonal) {
+  return {cells.size(), [&](std::size_t i, auto&& take) {
+    cells.forEachNear(cells.point(i), support, [&](std::size_t j, const Vec3&, double r2) {
+      take(j, kernel(std::sqrt(r2) / support) + (i == j ? diagonal : 0));
+    });
+  }};
+}
+
+// Conjugate gradients until every residual is within the tolerance. @param multiply  the matrix: y = A x. @return iterations
+template <class Multiply>
+int solve(const Multiply& multiply, const std::vector<double>& b, std::vector<double>& x, double tolerance, int most) {
   const std::size_t n = b.size();
   std::vector<double> r = b, p = b, q(n);
   x.assign(n, 0.0);
   double rho = detail::dot(r.data(), r.data(), n);
   int k = 0;
   for (; k < most && rho > 0 && greatest(r) > tolerance; ++k) {
-    a.multiply(p, q);
+    multiply(p, q);
     const double curvature = detail::dot(p.data(), q.data(), n);
     if (!(curvature > 0)) break;  // not positive definite to rounding: what there is, is the best
     const double alpha = rho / curvature;
@@ -131,7 +146,8 @@ struct CompactRbf::Impl {
   void normalize(Points centres, std::span<const double> values);
   void fitLinear();
   void addLevels(const CompactRbfOptions& options);
-  void addLevel(const std::vector<Index>& chosen, double spacing, bool last, const CompactRbfOptions& options);
+  void interpolate(Level& level, double diagonal, bool last, const CompactRbfOptions& options);
+  bool approximate(Level& level, double ridge, const CompactRbfOptions& options);
   double at(const Vec3& q, Vec3& gradient) const;
 };
 
@@ -185,36 +201,74 @@ void CompactRbf::Impl::fitLinear() {
 void CompactRbf::Impl::addLevels(const CompactRbfOptions& options) {
   double spacing = kCoarsest;
   std::vector<Index> chosen;
-  for (int k = 0; k < kMostLevels && greatest(left) > options.tolerance; ++k, spacing /= 2) {
+  bool last = false;
+  for (int k = 0; k < kMostLevels && !last && greatest(left) > options.tolerance; ++k, spacing /= 2) {
     // Each level holds the one before it and what stands far enough from all that it holds.
     chosen = detail::thin(centre, spacing, std::move(chosen));
-    const bool last = chosen.size() == centre.size() || k + 1 == kMostLevels;
-    addLevel(chosen, spacing, last, options);
-    if (last) break;
+    last = chosen.size() == centre.size() || k + 1 == kMostLevels;
+    std::vector<Vec3> points(chosen.size());
+    for (std::size_t i = 0; i < chosen.size(); ++i) points[i] = centre[chosen[i]];
+    const double support = options.support * spacing * (k == 0 && options.smoothing > 0 ? kWiden : 1);
+    levels.push_back({CellList(points, support), {}, support});
+    Level& level = levels.back();
+    for (std::size_t i = 0; i < chosen.size(); ++i) level.centre.push_back(chosen[level.cells.original(i)]);
+    report.terms += chosen.size();
+    const double ridge = options.smoothing * kCubic / (support * support * support);
+    if (options.smoothing > 0 && chosen.size() < centre.size()) last = !approximate(level, ridge, options) || last;
+    else interpolate(level, ridge, last, options);
   }
   report.levels = static_cast<int>(levels.size());
 }
 
-void CompactRbf::Impl::addLevel(const std::vector<Index>& chosen, double spacing, bool last, const CompactRbfOptions& options) {
-  std::vector<Vec3> points(chosen.size());
-  for (std::size_t i = 0; i < chosen.size(); ++i) points[i] = centre[chosen[i]];
-  const double support = options.support * spacing;
-  Level level{CellList(points, support), {}, support};
-  std::vector<double> wanted(chosen.size());
-  for (std::size_t i = 0; i < chosen.size(); ++i) wanted[i] = left[chosen[level.cells.original(i)]];
-  const double most = greatest(wanted);
-  const Matrix matrix(level.cells, support, options.smoothing);
-  report.iterations += solve(matrix, wanted, level.weight, last ? 0.5 * options.tolerance : std::max(0.5 * options.tolerance, kLoose * most),
-                             options.maxIterations);
-  report.terms += chosen.size();
-  levels.push_back(std::move(level));
-  const Level& added = levels.back();
+// The level's kernels meet what is left at its own centres; with a diagonal at all of them (the last level) they are the
+// minimum that approximate() looks for.
+void CompactRbf::Impl::interpolate(Level& level, double diagonal, bool last, const CompactRbfOptions& options) {
+  std::vector<double> wanted;
+  for (const Index i : level.centre) wanted.push_back(left[i]);
+  const Rows<double> matrix = symmetricMatrix(level.cells, level.support, diagonal);
+  const double tolerance = 0.5 * options.tolerance;
+  report.iterations += solve([&](const auto& x, auto& y) { matrix.multiply(x, y); }, wanted, level.weight,
+                             last ? tolerance : std::max(tolerance, kLoose * greatest(wanted)), options.maxIterations);
   parallelFor(centre.size(), kGrain, [&](std::size_t first, std::size_t end) {
     for (std::size_t i = first; i < end; ++i)
-      added.cells.forEachNear(centre[i], support, [&](std::size_t j, const Vec3&, double r2) {
-        left[i] -= added.weight[j] * kernel(std::sqrt(r2) / support);
+      level.cells.forEachNear(centre[i], level.support, [&](std::size_t j, const Vec3&, double r2) {
+        left[i] -= level.weight[j] * kernel(std::sqrt(r2) / level.support);
       });
   });
+}
+
+// Smoothing: the level's kernels take of what is left at all centres what makes
+//   sum_i (left_i - sum_j w_j phi_ij)^2 + ridge sum_jk w_j phi_jk w_k
+// least, so that each weighs many centres. @return whether finer levels may have something to take
+bool CompactRbf::Impl::approximate(Level& level, double ridge, const CompactRbfOptions& options) {
+  const double s = level.support;
+  const CellList all(centre, s);
+  const Rows<float> down(centre.size(), [&](std::size_t i, auto&& take) {
+    level.cells.forEachNear(centre[i], s, [&](std::size_t j, const Vec3&, double r2) { take(j, kernel(std::sqrt(r2) / s)); });
+  });
+  const Rows<float> up(level.cells.size(), [&](std::size_t j, auto&& take) {
+    all.forEachNear(level.cells.point(j), s, [&](std::size_t i, const Vec3&, double r2) { take(all.original(i), kernel(std::sqrt(r2) / s)); });
+  });
+  const Rows<double> own = symmetricMatrix(level.cells, s, 0);
+  const std::size_t m = level.cells.size();
+  std::vector<double> values(centre.size()), penalty(m), wanted(m);
+  up.multiply(left, wanted);
+  const auto multiply = [&](const std::vector<double>& x, std::vector<double>& y) {
+    down.multiply(x, values);
+    up.multiply(values, y);
+    own.multiply(x, penalty);
+    for (std::size_t j = 0; j < m; ++j) y[j] += ridge * penalty[j];
+  };
+  report.iterations += solve(multiply, wanted, level.weight, kSmoothSolved * greatest(wanted), options.maxIterations);
+  down.multiply(level.weight, values);
+  for (std::size_t i = 0; i < left.size(); ++i) left[i] -= values[i];
+  double most = 0;  // of the first term, for one kernel
+  for (std::size_t j = 0; j < m; ++j) {
+    double sum = 0;
+    for (std::size_t k = up.begin[j]; k < up.begin[j + 1]; ++k) sum += static_cast<double>(up.value[k]) * static_cast<double>(up.value[k]);
+    most = std::max(most, sum);
+  }
+  return ridge < kSpent * most;
 }
 
 double CompactRbf::Impl::at(const Vec3& q, Vec3& gradient) const {

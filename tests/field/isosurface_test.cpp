@@ -50,7 +50,9 @@ TEST(FieldIsosurface, OfAPointIsASphereOfSecondOrder) {
     for (const Vec3& p : m.positions()) EXPECT_NEAR((p - Vec3(0.3, 0.1, 0)).norm(), 0.5, 1.1e-3 * voxel * std::sqrt(3.0));
     const double lack = 1 - *mesh::volume(m, m.positions()).value / (4 * kPi / 3 * 0.125);
     EXPECT_GT(lack, 0);  // chords
-    if (last > 0) EXPECT_NEAR(last / lack, 4, 0.5);
+    if (last > 0) {
+      EXPECT_NEAR(last / lack, 4, 0.5);
+    }
     last = lack;
   }
 }
@@ -106,7 +108,7 @@ TEST(Polygonise, EverySignPatternOfACellJoinsItsNeighbours) {
     for (const int x : c) inner = inner && x > -8 && x < 15;
     values[i] = inner ? static_cast<float>(uniform01(5, i) - 0.5) : 1.0f;
   }
-  const mesh::Mesh m = detail::polygonise(corners, values, [](const detail::Cell& a, const detail::Cell& b, double va, double vb) -> Vec3 {
+  const mesh::Mesh m = detail::polygonise(corners, values, 1000, [](const detail::Cell& a, const detail::Cell& b, double va, double vb) -> Vec3 {
     const double t = detail::betweenEnds(va / (va - vb));
     return (1 - t) * Vec3(a[0], a[1], a[2]) + t * Vec3(b[0], b[1], b[2]);
   });
@@ -141,9 +143,16 @@ TEST_F(Vdb, AFieldComesBackAsItsSurface) {
   EXPECT_GT(reports[0].voxels, 1000u);
   const mesh::Mesh m = readVdbSurface(folder_ / "f.vdb", {.isovalue = 0.25});
   expectClosedManifold(m);
-  for (const Vec3& p : m.positions()) EXPECT_NEAR(field.evaluate(p).pseudoDistance, 0.25, 2e-3);  // h^2 / 8 d
+  // Along a cell's diagonal, of length^2 3 h^2, with second derivatives of 1 / d; at kinks the slope of 1 bounds it.
+  std::size_t beyond = 0;
+  for (const Vec3& p : m.positions()) {
+    const double error = std::abs(field.evaluate(p).pseudoDistance - 0.25);
+    EXPECT_LT(error, std::sqrt(3.0) / 2 * 0.03);
+    beyond += error > 3 * 0.03 * 0.03 / (8 * 0.25);
+  }
+  EXPECT_LT(beyond, m.vertexCount() / 50);
   const mesh::Mesh point = readVdbSurface(folder_ / "f.vdb", {.grid = "distance p", .isovalue = 0.3});
-  for (const Vec3& p : point.positions()) EXPECT_NEAR((p - Vec3(0, 0.5, 0.3)).norm(), 0.3, 1e-3);
+  for (const Vec3& p : point.positions()) EXPECT_NEAR((p - Vec3(0, 0.5, 0.3)).norm(), 0.3, 3 * 0.03 * 0.03 / (8 * 0.3));  // a cell's diagonal
   EXPECT_THROW(readVdbSurface(folder_ / "f.vdb", {.grid = "other"}), IoError);
   EXPECT_THROW(readVdbSurface(folder_ / "f.vdb", {.isovalue = -1.0}), IoError);
 }

@@ -66,6 +66,16 @@ TEST(Variational, MoreCentresComeNearer) {
   }
 }
 
+TEST(Variational, ManyCentresComeAsNearAsOneLikes) {
+  // Around points and curves the number grows as the third power of the fineness: 8000 are half as far apart as 1000.
+  for (const Primitive& p : {pointSet("p", {{0.1, 0, 0}, {-0.6, 0.1, 0.2}}, 0.5), polyline("l", wavyLine(12), 0.5)}) {
+    const double dense = errorsOf(p, fitted(2000)).mean, many = errorsOf(p, fitted(4000)).mean, most = errorsOf(p, fitted(16000)).mean;
+    EXPECT_LT(many, 0.5 * dense) << p.name;
+    EXPECT_LT(most, 0.6 * many) << p.name;
+    EXPECT_LT(most, 0.0015) << p.name;
+  }
+}
+
 TEST(Variational, ConstraintsAreMetAndReported) {
   for (const std::size_t centres : {500, 3000})
     for (const Primitive& p : everyType()) {

@@ -39,17 +39,25 @@ Options withDistance(field::Distance kind, double voxel = 0.1) {
 
 TEST(Distances, AGridsResultConvergesToTheExactOneWithTheSquareOfTheVoxel) {
   if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
-  for (const char* name : {"bend90", "stretch2"}) {
+  for (const char* name : {"bend90", "bend180"}) {
     const auto c = fielddeform::tests::makeCase(name);
-    const std::vector<Vec3> points = someOf(c.mesh, 12);
+    const std::vector<Vec3> points = someOf(c.mesh, 30);
     const std::vector<Vec3> exact = posedBy(c, points, {});
     std::vector<double> errors;
-    for (const double voxel : {0.08, 0.04, 0.02}) errors.push_back(rms(posedBy(c, points, withDistance(field::Distance::Grid, voxel)), exact));
-    // 4 in the limit; the exact part near the skeleton shrinks with the voxel, and kinks of the bend are of first order.
-    EXPECT_GT(errors[0] / errors[1], 2.5) << name;
-    EXPECT_GT(errors[1] / errors[2], 2.5) << name;
-    EXPECT_LT(errors[2], 2e-4) << name;
+    for (const double voxel : {0.04, 0.02, 0.01}) errors.push_back(rms(posedBy(c, points, withDistance(field::Distance::Grid, voxel)), exact));
+    // 4 in the limit: what is exact near the skeleton is wider with large voxels, and spares them their largest errors.
+    EXPECT_GT(errors[0] / errors[1], 3) << name;
+    EXPECT_GT(errors[1] / errors[2], 3) << name;
+    EXPECT_LT(errors[2], 1e-4) << name;
   }
+}
+
+TEST(Distances, OnAStraightSkeletonAGridsErrorCancels) {
+  if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
+  // Rest and posed line have the same cross-section and the same voxels across it.
+  const auto c = fielddeform::tests::makeCase("stretch2");
+  const std::vector<Vec3> points = someOf(c.mesh, 12);
+  EXPECT_LT(rms(posedBy(c, points, withDistance(field::Distance::Grid, 0.04)), posedBy(c, points, {})), 1e-9);
 }
 
 TEST(Distances, AVariationalResultIsNearTheExactOne) {

@@ -1,6 +1,7 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/core/random.h>
 #include <fielddeform/numeric/compact_rbf.h>
+#include <fielddeform/numeric/rbf.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -116,21 +117,88 @@ TEST(CompactRbf, FlatStraightAndCoincidentCentresGiveNumbers) {
   EXPECT_NEAR(f.evaluate(twice.centres[0], g), twice.values[0] + 0.5, 1e-6);
 }
 
-TEST(CompactRbf, SmoothingGivesWayToNoise) {
-  Data d = scattered(2000, 10);
-  for (std::size_t i = 0; i < d.values.size(); ++i) d.values[i] += 0.2 * (uniform01(11, i) - 0.5);
+// Noise of 0.2 (0.058 in the mean square) on n values.
+Data noisy(std::size_t n) {
+  Data d = scattered(n, 10);
+  for (std::size_t i = 0; i < n; ++i) d.values[i] += 0.2 * (uniform01(11, i) - 0.5);
+  return d;
+}
+
+CompactRbf smoothed(const Data& d, double smoothing) {
   CompactRbfOptions o;
-  o.smoothing = 0.3;
-  const CompactRbf rough(d.centres, d.values), soft(d.centres, d.values, o);
-  EXPECT_GT(soft.report().residual, 0.01);
-  double a = 0, b = 0;
-  Vec3 g;
+  o.smoothing = smoothing;
+  return CompactRbf(d.centres, d.values, o);
+}
+
+// Mean square of what differs in the middle.
+template <class A, class B>
+double meanSquare(const A& a, const B& b) {
+  double sum = 0;
   for (std::uint64_t i = 0; i < 500; ++i) {
     const Vec3 p = 0.8 * randomPoint(12, i);
-    a += std::pow(rough.evaluate(p, g) - smooth(p), 2);
-    b += std::pow(soft.evaluate(p, g) - smooth(p), 2);
+    sum += std::pow(a(p) - b(p), 2);
   }
-  EXPECT_LT(b, 0.8 * a);
+  return sum / 500;
+}
+
+TEST(CompactRbf, SmoothingGivesWayToNoise) {
+  const Data d = noisy(2000);
+  const CompactRbf rough(d.centres, d.values), soft = smoothed(d, 0.3);
+  Vec3 g;
+  const auto roughly = [&](const Vec3& p) { return rough.evaluate(p, g); };
+  const auto softly = [&](const Vec3& p) { return soft.evaluate(p, g); };
+  // About 60 of 2000 degrees of freedom are left: sqrt(60 / 2000) of the noise, and its square is 1 / 30.
+  EXPECT_LT(meanSquare(softly, smooth), 0.15 * meanSquare(roughly, smooth));
+  EXPECT_GT(soft.report().residual, 0.09);  // the noise stays behind: at most 0.1
+  EXPECT_LT(soft.report().residual, 0.2);
+}
+
+TEST(CompactRbf, SmoothingMeansWhatItMeansForTheCubicKernel) {
+  const Data d = noisy(1500);
+  std::vector<Vec3> values;
+  for (const double v : d.values) values.emplace_back(v, 0, 0);
+  Vec3 g;
+  for (const double smoothing : {0.003, 0.03, 0.3, 3.0, 30.0}) {  // from nearly all of the noise to hardly more than a plane
+    RbfOptions o;
+    o.smoothing = smoothing;
+    const Rbf dense(d.centres, values, o);
+    const CompactRbf compact = smoothed(d, smoothing);
+    const auto densely = [&](const Vec3& p) { return dense.first(p, g); };
+    const auto compactly = [&](const Vec3& p) { return compact.evaluate(p, g); };
+    const double wanted = meanSquare(densely, smooth), error = meanSquare(compactly, smooth);
+    EXPECT_LT(error, 2 * wanted) << smoothing;
+    EXPECT_GT(error, wanted / 2) << smoothing;
+    EXPECT_LT(meanSquare(densely, compactly), 0.6 * wanted) << smoothing;
+    double left = 0, leftDensely = 0;
+    for (std::size_t i = 0; i < d.centres.size(); ++i) {
+      left += std::pow(compactly(d.centres[i]) - d.values[i], 2);
+      leftDensely += std::pow(densely(d.centres[i]) - d.values[i], 2);
+    }
+    EXPECT_NEAR(left / leftDensely, 1, 0.25) << smoothing;
+  }
+}
+
+TEST(CompactRbf, LittleSmoothingInterpolatesAndMuchLeavesTheLinearFit) {
+  const Data d = noisy(1000);
+  EXPECT_LT(smoothed(d, 1e-9).report().residual, 1e-3);
+  const CompactRbf flat = smoothed(d, 1e9);
+  Vec3 a, b;
+  flat.evaluate(Vec3(-0.5, 0.2, 0.1), a);
+  flat.evaluate(Vec3(0.4, -0.3, 0.6), b);
+  EXPECT_LT((a - b).norm(), 1e-5);  // the linear fit's slopes are about 1
+}
+
+TEST(CompactRbf, MoreSmoothingLeavesMore) {
+  const Data d = noisy(1200);
+  double last = 0;
+  for (const double smoothing : {0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0}) {
+    const CompactRbf f = smoothed(d, smoothing);
+    Vec3 g;
+    double sum = 0;
+    for (std::size_t i = 0; i < d.centres.size(); ++i) sum += std::pow(f.evaluate(d.centres[i], g) - d.values[i], 2);
+    EXPECT_GE(sum, last) << smoothing;
+    last = sum;
+  }
 }
 
 TEST(CompactRbf, PowersOfTwoAndThreadsChangeNoBit) {

@@ -6,7 +6,6 @@
 #include <fielddeform/skeleton/edit.h>
 #include <fmt/format.h>
 
-#include <CLI/Validators.hpp>
 #include <algorithm>
 #include <cmath>
 

@@ -2,6 +2,7 @@
 #include <fielddeform/field/detail/polygonise.h>
 
 #include <algorithm>
+#include <stdexcept>
 #include <unordered_map>
 
 namespace fielddeform::field::detail {
@@ -11,6 +12,8 @@ namespace {
 constexpr std::array<std::array<unsigned, 4>, 6> kTetrahedra{
     {{0, 1, 3, 7}, {0, 1, 5, 7}, {0, 2, 3, 7}, {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 4, 6, 7}}};
 
+constexpr double kVertexBytes = 200;  // an edge, its place in a table, a position, two triangles
+
 struct Edge {
   Cell a, b;
   float va, vb;
@@ -18,7 +21,8 @@ struct Edge {
 
 class Surface {
  public:
-  Surface(const std::vector<Cell>& corners, std::span<const float> values) : corners_(corners), values_(values) {
+  Surface(const std::vector<Cell>& corners, std::span<const float> values, std::size_t most)
+      : corners_(corners), values_(values), most_(most) {
     for (std::size_t b = 0; b < corners.size(); ++b) addBlock(b);
   }
   std::vector<Edge> edges;
@@ -88,6 +92,7 @@ class Surface {
     if (a > b) std::swap(a, b);
     const std::uint64_t key = id_[a] * 8 + (a ^ b);  // the lower end and the direction
     const auto [found, isNew] = vertices_.try_emplace(key, static_cast<Index>(edges.size()));
+    if (isNew && edges.size() >= most_) throw std::length_error("surface");
     if (isNew) edges.push_back({cell(id_[a]), cell(id_[b]), values_[id_[a]], values_[id_[b]]});
     return found->second;
   }
@@ -96,6 +101,7 @@ class Surface {
   static constexpr std::size_t kNone = ~std::size_t{0};
   const std::vector<Cell>& corners_;
   std::span<const float> values_;
+  std::size_t most_;
   std::size_t block_[8] = {};  // of the current block and those above it
   std::size_t id_[8] = {};     // of the current cell's points
   std::unordered_map<std::uint64_t, Index> vertices_;
@@ -105,9 +111,9 @@ class Surface {
 
 double betweenEnds(double t) { return t > 0.001 ? std::min(t, 0.999) : 0.001; }
 
-mesh::Mesh polygonise(const std::vector<Cell>& corners, std::span<const float> values,
+mesh::Mesh polygonise(const std::vector<Cell>& corners, std::span<const float> values, double megabytes,
                       const std::function<Vec3(const Cell&, const Cell&, double, double)>& place) {
-  Surface surface(corners, values);
+  Surface surface(corners, values, static_cast<std::size_t>(std::min(megabytes * 1e6 / kVertexBytes, static_cast<double>(kNoIndex))));
   std::vector<Vec3> positions(surface.edges.size());
   parallelFor(positions.size(), 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {

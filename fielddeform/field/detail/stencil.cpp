@@ -4,18 +4,22 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
 namespace fielddeform::field::detail {
 namespace {
 
 constexpr double kWidest = 1.2;    // radii: the outermost surface
-constexpr int kSurfaces = 4;       // each at half the offset of the one before
+constexpr double kInnermost = 0.1; // none nearer than this
 constexpr double kDensest = 0.5;   // spacing on a surface, of its offset
-constexpr double kDensestOfMany = 0.18;
-constexpr std::size_t kMany = 2000;
 constexpr double kSparsest = 1;    // before a surface is given up
 constexpr double kCoarser = 1.2;
+constexpr std::size_t kMany = 2000;
+constexpr double kDensestOfMany = 0.08;
+constexpr double kRims = 0.3;      // density of the directions around rims, where a mesh has other needs than its two sides
+constexpr double kPacking = 0.4;   // points of a thinned surface by area / spacing^2: at least
+constexpr double kOverlap = 2;     // of surfaces around several parts: at most so much of them is in the way of another
 constexpr double kOnSurface = 0.9; // of the offset: nearer, another part of the primitive is in the way
 
 using numeric::detail::thin;
@@ -53,14 +57,49 @@ std::vector<Vec3> samplePrimitive(const skeleton::Primitive& p, double spacing, 
   return taken(out, thin(out, spacing, {}));
 }
 
-const std::vector<Vec3>& directions() {
-  static const std::vector<Vec3> all = [] {
-    std::vector<Vec3> d;
-    for (int k = 0; k < 3; ++k) d.push_back(Vec3::Unit(k)), d.push_back(-Vec3::Unit(k));
-    for (int j = 0; j < 8; ++j) d.push_back(Vec3(j & 1 ? 1 : -1, j & 2 ? 1 : -1, j & 4 ? 1 : -1).normalized());
-    return d;
-  }();
-  return all;
+// The way along which surfaces follow each other: as far apart as the points on them, at most doubling.
+struct Layout {
+  double density;  // spacing on a surface, of its offset
+  int surfaces;
+
+  double ratio() const { return 1 / (1 - std::min(density, kDensest)); }
+  double offset(int k, double widest) const { return widest * std::pow(ratio(), -k); }
+};
+
+int mostSurfaces(double density) {
+  return 1 + static_cast<int>(std::log(kWidest / kInnermost) / std::log(Layout{density, 0}.ratio()));
+}
+
+// Directions over a sphere: the main ones, and as many more as a surface of the density needs (around a curve or a rim: as
+// many as a circle needs).
+std::vector<Vec3> directions(double density, bool wholeSphere) {
+  std::vector<Vec3> d;
+  for (int k = 0; k < 3; ++k) d.push_back(Vec3::Unit(k)), d.push_back(-Vec3::Unit(k));
+  for (int j = 0; j < 8; ++j) d.push_back(Vec3(j & 1 ? 1 : -1, j & 2 ? 1 : -1, j & 4 ? 1 : -1).normalized());
+  const double turn = 2 * std::numbers::pi / density;
+  const int n = static_cast<int>(1.3 * (wholeSphere ? 2 * turn / density : turn));
+  for (int i = 0; n > 14 && i < n; ++i) {  // a spiral from pole to pole
+    const double z = 1 - (2 * i + 1.0) / n, r = std::sqrt(1 - z * z), a = std::numbers::pi * (3 - std::sqrt(5.0)) * i;
+    d.emplace_back(r * std::cos(a), r * std::sin(a), z);
+  }
+  return d;
+}
+
+// A number of points that the surfaces have at least.
+double leastPoints(const skeleton::Primitive& p, const Layout& layout, double widest) {
+  const double pi = std::numbers::pi;
+  double length = 0, area = 0, count = 0;
+  const std::size_t n = p.points.size();
+  if (p.type == skeleton::PrimitiveType::Polyline)
+    for (std::size_t i = 0; i + (p.closed ? 0 : 1) < n; ++i) length += (p.points[(i + 1) % n] - p.points[i]).norm();
+  for (const auto& f : p.faces)
+    for (std::size_t k = 2; k < f.size(); ++k)
+      area += 0.5 * (p.points[f[k - 1]] - p.points[f[0]]).cross(p.points[f[k]] - p.points[f[0]]).norm();
+  for (int k = 0; k < layout.surfaces; ++k) {
+    const double o = layout.offset(k, widest), around = 2 * area + 2 * pi * length * o + 4 * pi * o * o;
+    count += kPacking * around / std::pow(layout.density * o, 2);
+  }
+  return count;
 }
 
 // A point at `offset` from the primitive, beside the one given: along the gradient from the closest point.
@@ -73,9 +112,9 @@ std::optional<Vec3> onOffset(const PrimitiveDistance& distance, const Vec3& near
   return p;
 }
 
-std::vector<Vec3> sampleOffset(const PrimitiveDistance& distance, const std::vector<Vec3>& base, double offset, double spacing) {
+std::vector<Vec3> sampleOffset(const PrimitiveDistance& distance, const std::vector<Vec3>& base, double offset, double spacing,
+                               const std::vector<Vec3>& ways) {
   const std::vector<Vec3> sparse = taken(base, thin(base, 0.7 * spacing, {}));
-  const auto& ways = directions();
   std::vector<std::optional<Vec3>> candidate(sparse.size() * ways.size());
   parallelFor(candidate.size(), 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
@@ -87,16 +126,18 @@ std::vector<Vec3> sampleOffset(const PrimitiveDistance& distance, const std::vec
   return taken(found, thin(found, spacing, {}));
 }
 
-// The points at so many surfaces; nothing if there are more than `most`.
-std::optional<std::vector<Vec3>> sample(const PrimitiveDistance& distance, const skeleton::Primitive& p, int surfaces,
-                                        double density, std::size_t most) {
+// The points on the surfaces; nothing if there are more than `most`.
+std::optional<std::vector<Vec3>> sample(const PrimitiveDistance& distance, const skeleton::Primitive& p, const Layout& layout,
+                                        std::size_t most) {
   const double widest = kWidest * distance.greatestRadius();
-  const double narrowest = std::ldexp(widest, 1 - surfaces);
-  std::vector<Vec3> points = samplePrimitive(p, density * narrowest, most);
+  if (leastPoints(p, layout, widest) > kOverlap * static_cast<double>(most)) return std::nullopt;
+  const std::vector<Vec3> ways = directions(p.type == skeleton::PrimitiveType::Mesh ? std::max(layout.density, kRims) : layout.density,
+                                            p.type == skeleton::PrimitiveType::Points);
+  std::vector<Vec3> points = samplePrimitive(p, layout.density * layout.offset(layout.surfaces - 1, widest), most);
   const std::vector<Vec3> base = points;
-  for (int k = surfaces; k-- > 0 && points.size() <= most;) {
-    const double offset = std::ldexp(widest, -k);
-    const std::vector<Vec3> more = sampleOffset(distance, base, offset, density * offset);
+  for (int k = layout.surfaces; k-- > 0 && points.size() <= most;) {
+    const double offset = layout.offset(k, widest);
+    const std::vector<Vec3> more = sampleOffset(distance, base, offset, layout.density * offset, ways);
     points.insert(points.end(), more.begin(), more.end());
   }
   if (points.size() > most) return std::nullopt;
@@ -107,14 +148,14 @@ std::optional<std::vector<Vec3>> sample(const PrimitiveDistance& distance, const
 
 Stencil sampleDistance(const PrimitiveDistance& distance, const skeleton::Primitive& primitive, std::size_t most) {
   std::optional<std::vector<Vec3>> points;
-  int surfaces = kSurfaces;
-  const double densest = most > kMany ? kDensestOfMany : kDensest;
-  for (double density = densest; !points; density *= kCoarser) {
-    if (density > kSparsest && surfaces > 1) {
-      density = kDensest;
-      --surfaces;
+  Layout layout{most > kMany ? kDensestOfMany : kDensest, 0};
+  for (; !points; layout.density *= kCoarser) {
+    if (layout.density <= kDensest) layout.surfaces = mostSurfaces(layout.density);
+    if (layout.density > kSparsest && layout.surfaces > 1) {
+      layout.density = kDensest;
+      --layout.surfaces;
     }
-    points = sample(distance, primitive, surfaces, density, most);
+    points = sample(distance, primitive, layout, most);
   }
   Stencil s{std::move(*points), {}};
   s.values.resize(s.points.size());

@@ -12,9 +12,10 @@ struct Stencil {
   std::vector<double> values;  ///< d / r times the primitive's greatest radius, world
 };
 
-/// Points on the primitive (value 0), and on surfaces at 1.2, 0.6, 0.3 and 0.15 radii around it, as many of these as fit:
-/// shells around points, tubes with round ends around curves, both sides and the rim of patches, outside and inside of
-/// solids. Points of a surface stand a share of its offset apart: half of it (0.18 if more than 2000 are allowed), or what `most` allows.
+/// Points on the primitive (value 0), and on surfaces around it from 1.2 radii down to 0.1, as many of these as fit: shells
+/// around points, tubes with round ends around curves, both sides and the rim of patches, outside and inside of solids.
+/// Points of a surface stand a share of its offset apart, and so do the surfaces: half of it (1.2, 0.6, 0.3, 0.15), or what
+/// `most` allows; down to 0.08 of it if more than 2000 are allowed.
 Stencil sampleDistance(const PrimitiveDistance& distance, const skeleton::Primitive& primitive, std::size_t most);
 
 }  // namespace fielddeform::field::detail

@@ -3,12 +3,11 @@
 #include <fielddeform/core/random.h>
 #include <fielddeform/field/detail/vdb_grid.h>
 #include <fmt/format.h>
-#include <openvdb/io/File.h>
+#include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 
 #include <cmath>
 #include <cstring>
-#include <set>
 #include <sstream>
 
 namespace fielddeform::field {
@@ -186,134 +185,6 @@ void writeVdbFile(std::span<const VdbGrid> grids, const std::filesystem::path& p
   replaceIdentifier(bytes);
   file.write(bytes);
   file.commit();
-}
-
-namespace {
-
-// Blocks through which the surface may pass: those around leaves, and around tiles where inside meets outside.
-class SurfaceBlocks {
- public:
-  template <class TreeType, class Inside>
-  SurfaceBlocks(const TreeType& tree, Inside&& inside, std::size_t most) : most_(most) {
-    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) addAround(leaf->origin());
-    const bool outside = inside(tree.background());
-    auto value = tree.cbeginValueAll();
-    value.setMaxDepth(value.getLeafDepth() - 1);
-    for (; value; ++value) {
-      if (inside(*value) == outside) continue;
-      openvdb::CoordBBox box;
-      value.getBoundingBox(box);
-      addBorder(tree, inside, box);
-    }
-  }
-  std::vector<Cell> take() const { return {blocks_.begin(), blocks_.end()}; }
-
- private:
-  void addAround(const Coord& c) {
-    for (int i = -8; i <= 8; i += 8)
-      for (int j = -8; j <= 8; j += 8)
-        for (int k = -8; k <= 8; k += 8) blocks_.insert({c.x() + i, c.y() + j, c.z() + k});
-    if (blocks_.size() > most_) throw std::length_error("surface");
-  }
-  // A tile beside a leaf is seen from there; only where it meets another tile or the background it is seen here.
-  template <class TreeType, class Inside>
-  void addBorder(const TreeType& tree, Inside&& inside, const openvdb::CoordBBox& box) {
-    const openvdb::tree::ValueAccessor<const TreeType, false> accessor(tree);
-    const auto look = [&](const Coord& block, const Coord& beyond) {
-      if (!accessor.probeConstLeaf(beyond) && !inside(accessor.getValue(beyond))) addAround(block);
-    };
-    const Coord low = box.min(), high = box.max();
-    for (int axis = 0; axis < 3; ++axis) {
-      const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-      for (openvdb::Int32 a = low[u]; a <= high[u]; a += 8)
-        for (openvdb::Int32 b = low[v]; b <= high[v]; b += 8) {
-          Coord block = low;
-          block[u] = a, block[v] = b;
-          Coord beyond = block;
-          beyond[axis] = low[axis] - 1;
-          look(block, beyond);
-          block[axis] = high[axis] - 7;
-          beyond[axis] = high[axis] + 1;
-          look(block, beyond);
-        }
-    }
-  }
-  std::set<Cell> blocks_;
-  std::size_t most_;
-};
-
-template <class GridType>
-void takeSurface(const GridType& grid, double isovalue, std::size_t most, VdbContent& content) {
-  const auto inside = [&](auto value) {
-    return content.fog ? static_cast<double>(value) > isovalue : static_cast<double>(value) < isovalue;
-  };
-  content.corners = SurfaceBlocks(grid.tree(), inside, most).take();
-  content.values.resize(content.corners.size() * kBlockSize);
-  const openvdb::tree::ValueAccessor<const typename GridType::TreeType, false> accessor(grid.tree());
-  for (std::size_t b = 0; b < content.corners.size(); ++b)
-    for (std::size_t j = 0; j < kBlockSize; ++j) {
-      const double v = static_cast<double>(accessor.getValue(coordOf(pointOf(content.corners[b], j))));
-      const double signedValue = content.fog ? isovalue - v : v - isovalue;
-      content.values[b * kBlockSize + j] = std::isnan(signedValue) ? 1.0f : static_cast<float>(signedValue);
-    }
-}
-
-Eigen::Matrix4d worldOf(const openvdb::math::Transform& transform) {
-  const auto world = [&](double x, double y, double z) {
-    const openvdb::Vec3d p = transform.indexToWorld(openvdb::Vec3d(x, y, z));
-    return Vec3(p.x(), p.y(), p.z());
-  };
-  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
-  const Vec3 o = world(0, 0, 0);
-  m.block<3, 1>(0, 0) = world(1, 0, 0) - o;
-  m.block<3, 1>(0, 1) = world(0, 1, 0) - o;
-  m.block<3, 1>(0, 2) = world(0, 0, 1) - o;
-  m.block<3, 1>(0, 3) = o;
-  return m;
-}
-
-openvdb::GridBase::Ptr openGrid(openvdb::io::File& file, const std::filesystem::path& path, const std::string& name,
-                                double maxMegabytes) {
-  std::string names;
-  for (auto it = file.beginName(); it != file.endName(); ++it) {
-    const auto meta = file.readGridMetadata(it.gridName());
-    if (!meta->isType<openvdb::FloatGrid>() && !meta->isType<openvdb::DoubleGrid>()) continue;
-    names += fmt::format("{}\"{}\"", names.empty() ? "" : ", ", it.gridName());
-    if (!name.empty() && it.gridName() != name) continue;
-    const auto bytes = meta->getMetadata<openvdb::Int64Metadata>("file_mem_bytes");
-    if (bytes && static_cast<double>(bytes->value()) > maxMegabytes * 1e6)
-      throw IoError(path, fmt::format("grid \"{}\" takes {:.4g} MB, must be <= {:.4g} MB", it.gridName(),
-                                      1e-6 * static_cast<double>(bytes->value()), maxMegabytes));
-    return file.readGrid(it.gridName());
-  }
-  if (names.empty()) throw IoError(path, "no grid of floats or doubles, expected at least one");
-  throw IoError(path, fmt::format("no grid \"{}\", expected one of {}", name, names));
-}
-
-}  // namespace
-
-VdbContent readVdbFile(const std::filesystem::path& path, const std::string& name, std::optional<double> isovalue,
-                       double maxMegabytes) {
-  initialize();
-  VdbContent content;
-  try {
-    openvdb::io::File file(path.string());
-    file.open(false);  // no delayed loading: the file may be gone later
-    const openvdb::GridBase::Ptr grid = openGrid(file, path, name, maxMegabytes);
-    if (!grid->transform().isLinear()) throw IoError(path, fmt::format("grid \"{}\" is warped, expected a linear transform", grid->getName()));
-    content.name = grid->getName();
-    content.fog = grid->getGridClass() == openvdb::GRID_FOG_VOLUME;
-    content.toWorld = worldOf(grid->transform());
-    const double iso = isovalue.value_or(content.fog ? 0.5 : 0);
-    const auto most = static_cast<std::size_t>(maxMegabytes * 1e6 / (kBlockSize * sizeof(float) + 64));
-    if (const auto floats = openvdb::gridPtrCast<openvdb::FloatGrid>(grid)) takeSurface(*floats, iso, most, content);
-    else takeSurface(*openvdb::gridPtrCast<openvdb::DoubleGrid>(grid), iso, most, content);
-  } catch (const openvdb::Exception& problem) {
-    throw IoError(path, fmt::format("not read by OpenVDB: {}", problem.what()));
-  } catch (const std::length_error&) {
-    throw IoError(path, fmt::format("the surface needs more than {:.4g} MB", maxMegabytes));
-  }
-  return content;
 }
 
 }  // namespace detail

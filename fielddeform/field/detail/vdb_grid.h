@@ -8,7 +8,7 @@
 #include <memory>
 #include <variant>
 
-/// OpenVDB behind a plain header: its templates are compiled once, in vdb_grid.cpp.
+/// OpenVDB behind a plain header: its templates are compiled once, in vdb_grid.cpp. Files are read without it, see vdb_reader.h.
 namespace fielddeform::field::detail {
 
 using MetaValue = std::variant<std::string, double>;
@@ -44,21 +44,5 @@ class VdbGrid {
 
 /// Writes grids into one file, atomically; the same grids give the same bytes. @throw IoError
 void writeVdbFile(std::span<const VdbGrid> grids, const std::filesystem::path& path);
-
-/// A grid of a file, as far as its surface needs it.
-struct VdbContent {
-  Lattice lattice;                    ///< voxel units: origin 0, voxel 1
-  std::vector<Cell> corners;          ///< blocks through which the surface may pass, sorted
-  std::vector<float> values;          ///< 512 a block
-  Eigen::Matrix4d toWorld;            ///< of voxel indices
-  bool fog = false;                   ///< inside is where values are high
-  std::string name;
-};
-
-/// @param grid       its name; empty: the first grid of floats
-/// @param isovalue   of the surface; absent: 0 for a level set, 0.5 for a fog volume
-/// @throw IoError if the file cannot be read, holds no such grid, or exceeds the memory
-VdbContent readVdbFile(const std::filesystem::path& path, const std::string& grid, std::optional<double> isovalue,
-                       double maxMegabytes);
 
 }  // namespace fielddeform::field::detail

@@ -2,6 +2,7 @@
 #include <fielddeform/field/detail/vdb_grid.h>
 
 #include <stdexcept>
+#include <string>
 
 /// What a build without OpenVDB has in place of grids.
 namespace fielddeform::field {
@@ -26,10 +27,7 @@ double VdbGrid::megabytes() const { return 0; }
 bool VdbGrid::sample(const Vec3&, Sampling, double&, Vec3&) const { return false; }
 void VdbGrid::describe(const std::string&, const MetaData&, VdbClass) {}
 
-void writeVdbFile(std::span<const VdbGrid>, const std::filesystem::path&) { refuse(".vdb files"); }
-VdbContent readVdbFile(const std::filesystem::path&, const std::string&, std::optional<double>, double) {
-  refuse(".vdb files");
-}
+void writeVdbFile(std::span<const VdbGrid>, const std::filesystem::path&) { refuse("writer of .vdb files"); }
 
 }  // namespace detail
 }  // namespace fielddeform::field
