@@ -13,5 +13,5 @@ configure_package_config_file(fielddeformConfig.cmake.in ${PROJECT_BINARY_DIR}/f
   INSTALL_DESTINATION ${package_dir})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/fielddeformConfigVersion.cmake
   COMPATIBILITY SameMinorVersion)
-install(FILES ${PROJECT_BINARY_DIR}/fielddeformConfig.cmake ${PROJECT_BINARY_DIR}/fielddeformConfigVersion.cmake
+install(FILES find_openvdb.cmake ${PROJECT_BINARY_DIR}/fielddeformConfig.cmake ${PROJECT_BINARY_DIR}/fielddeformConfigVersion.cmake
   DESTINATION ${package_dir})

@@ -1,6 +1,6 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
-#include <fielddeform/field/detail/primitive_distance.h>
+#include <fielddeform/field/detail/distance_source.h>
 #include <fielddeform/field/field.h>
 #include <fielddeform/field/potential.h>
 #include <fmt/format.h>
@@ -26,6 +26,7 @@ constexpr double kSlack = 1e-12;  // a bound in world units, rounded
 void FieldOptions::validate() const {
   requireInRange("sharpness", sharpness, 1e-3, 500);
   if (referenceRadius) requirePositive("referenceRadius", *referenceRadius);
+  distance.validate();
 }
 
 struct Field::Impl {
@@ -34,6 +35,16 @@ struct Field::Impl {
     Kernel kernel;
     double weight;
     bool plain;  // weight 1 and the field's own kernel: alone, its x is the blend's x
+    std::unique_ptr<detail::DistanceSource> source = {};  // null: exact
+    DistanceReport report = {};
+
+    std::optional<detail::Relative> at(const Vec3& point, double maxDistance) const {
+      if (source)
+        if (const auto found = source->at(point)) return found;
+      const auto hit = distance.closest(point, maxDistance);
+      if (!hit) return std::nullopt;
+      return detail::exactRelative(distance, *hit);
+    }
   };
 
   FieldOptions options;
@@ -42,6 +53,7 @@ struct Field::Impl {
   double reference = 1;  // R
 
   Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o);
+  void makeSources(const skeleton::Skeleton& skeleton);
   FieldValue evaluate(const Vec3& point) const;
   bool blend(const Vec3& point, FieldValue& value) const;
   void extend(const Vec3& point, FieldValue& value) const;
@@ -61,6 +73,19 @@ Field::Impl::Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o)
     if (p.weight > 0) greatestWeighted = std::max(greatestWeighted, r);
   }
   reference = o.referenceRadius.value_or(greatestWeighted > 0 ? greatestWeighted : greatest);
+  if (o.distance.kind != Distance::Exact) makeSources(skeleton);
+}
+
+void Field::Impl::makeSources(const skeleton::Skeleton& skeleton) {
+  double megabytes = options.distance.grid.maxMegabytes;
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    Term& t = terms[i];
+    if (!(t.weight > 0)) continue;
+    if (options.distance.kind == Distance::Grid)
+      t.source = detail::makeGridDistance(t.distance, skeleton.primitives[i].name, options.distance.grid, megabytes, t.report);
+    else
+      t.source = detail::makeVariationalDistance(t.distance, skeleton.primitives[i], options.distance.variational, t.report);
+  }
 }
 
 // The sum over the primitives that reach the point; false if none does.
@@ -73,14 +98,13 @@ bool Field::Impl::blend(const Vec3& point, FieldValue& value) const {
   bool plain = false;
   for (const Term& t : terms) {
     if (!(t.weight > 0)) continue;
-    const auto hit = t.distance.closest(point, t.distance.greatestRadius() * (1 + kSlack));
-    if (!hit) continue;
-    const double r = t.distance.radiusAt(*hit);
-    const double f = hit->distance / r, x = k * f;
+    const auto near = t.at(point, t.distance.greatestRadius() * (1 + kSlack));
+    if (!near) continue;
+    const double f = near->value, x = k * f;
     const double e = t.weight * t.kernel.value(x);
     if (!(e > 0)) continue;
     value.sum += e;
-    const Vec3 g = t.distance.relativeGradient(*hit, r);
+    const Vec3& g = near->gradient;
     slope += t.weight * t.kernel.derivative(x) * g;
     plain = t.plain;
     only = f;
@@ -107,12 +131,10 @@ void Field::Impl::extend(const Vec3& point, FieldValue& value) const {
   double best = kInfinity;  // d / r
   for (const Term& t : terms) {
     if (!(t.weight > 0)) continue;
-    const auto hit = t.distance.closest(point, best * t.distance.greatestRadius() * (1 + kSlack));
-    if (!hit) continue;
-    const double r = t.distance.radiusAt(*hit);
-    if (!(hit->distance / r < best)) continue;
-    best = hit->distance / r;
-    value.gradient = reference * t.distance.relativeGradient(*hit, r);
+    const auto near = t.at(point, best * t.distance.greatestRadius() * (1 + kSlack));
+    if (!near || !(near->value < best)) continue;
+    best = near->value;
+    value.gradient = reference * near->gradient;
   }
   value.pseudoDistance = reference * best;
 }
@@ -141,6 +163,12 @@ const FieldOptions& Field::options() const noexcept { return impl_->options; }
 std::size_t Field::primitiveCount() const noexcept { return impl_->terms.size(); }
 double Field::referenceRadius() const noexcept { return impl_->reference; }
 double Field::radius(std::size_t primitive) const { return impl_->terms.at(primitive).distance.greatestRadius(); }
+double Field::weight(std::size_t primitive) const { return impl_->terms.at(primitive).weight; }
+Box Field::bounds() const {
+  Box box;
+  for (const auto& t : impl_->terms) box.extend(t.distance.bounds());
+  return box;
+}
 
 FieldValue Field::evaluate(const Vec3& point) const { return impl_->evaluate(point); }
 
@@ -155,6 +183,8 @@ void Field::evaluate(Points points, std::span<FieldValue> out) const {
 double Field::pseudoDistanceOf(double sum) const {
   return impl_->reference * (impl_->own.inverse(sum) / impl_->options.sharpness);
 }
+
+const DistanceReport& Field::distanceReport(std::size_t primitive) const { return impl_->terms.at(primitive).report; }
 
 PrimitiveHit Field::closest(std::size_t primitive, const Vec3& point) const {
   if (const auto hit = impl_->terms.at(primitive).distance.closest(point)) return *hit;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <fielddeform/field/distance.h>
 #include <fielddeform/skeleton/skeleton.h>
 
 #include <memory>
@@ -17,6 +18,7 @@ struct FieldOptions {
   skeleton::Potential potential = skeleton::Potential::Exponential;  ///< for primitives that name none; also the one inverted for the pseudo-distance
   double sharpness = 4;                      ///< k in x = k d / r, dimensionless, 1e-3 to 500
   Extension extension = Extension::Linear;   ///< beyond all radii
+  DistanceOptions distance = {};             ///< exact, or what stands in for it where a primitive reaches
   std::optional<double> referenceRadius = {};  ///< R, the unit of D, world; absent: the field's own greatest radius
   void validate() const;                     ///< @throw std::invalid_argument
 };
@@ -47,8 +49,10 @@ struct FieldValue {
 /// Immutable and safe to use from many threads. [Qin et al. 2003, eqs. (1)-(2); formulas and units: docs/field.md]
 class Field {
  public:
+  /// Grids and radial functions are made here: that takes time and memory.
   /// @throw std::invalid_argument if the skeleton is invalid, a primitive has neither radius nor radii per point, a
-  ///        weight exceeds 1e40, or an option is out of range
+  ///        weight exceeds 1e40, an option is out of range, or the grids would exceed their memory
+  /// @throw std::runtime_error if grids are asked of a build without OpenVDB
   explicit Field(const skeleton::Skeleton& skeleton, const FieldOptions& options = {});
   ~Field();
   Field(Field&&) noexcept;
@@ -58,6 +62,8 @@ class Field {
   std::size_t primitiveCount() const noexcept;
   double referenceRadius() const noexcept;          ///< R = max over primitives of positive weight and their points, world
   double radius(std::size_t primitive) const;       ///< the primitive's greatest radius, world
+  double weight(std::size_t primitive) const;
+  Box bounds() const;                               ///< of the points of all primitives, world
 
   FieldValue evaluate(const Vec3& point) const;
   /// Many points, in parallel. @throw std::invalid_argument if the sizes differ
@@ -65,7 +71,10 @@ class Field {
   /// D of a sum S > 0, as evaluate() computes it: the inverse of the field's own potential, world.
   double pseudoDistanceOf(double sum) const;
 
-  /// Unsigned or signed exact closest point on primitive i. A closed mesh contains the points whose winding number is
+  /// What stands behind the distance of primitive i.
+  const DistanceReport& distanceReport(std::size_t primitive) const;
+
+  /// Unsigned or signed exact closest point on primitive i, whatever the distance option. A closed mesh contains the points whose winding number is
   /// beyond 1/2 in either sense, so that small holes and an inside-out orientation do no harm.
   /// @param point  finite; for others the hit's element is kNoIndex
   PrimitiveHit closest(std::size_t primitive, const Vec3& point) const;

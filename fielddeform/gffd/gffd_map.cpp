@@ -23,7 +23,8 @@ namespace {
 
 constexpr std::size_t kGrain = 256;
 constexpr int kPaperIterations = 10;       // times Options::maxIterations
-constexpr std::size_t kWarpCentres = 2000;  // dense solve
+constexpr std::size_t kWarpCentres = 2000;  // of skeletons: a dense solve
+constexpr std::size_t kMostPairs = 100000;  // given by the user
 
 bool asPrinted(Predictor p) { return p == Predictor::Gradient || p == Predictor::Warp; }
 
@@ -76,12 +77,15 @@ struct GffdMap::Impl {
   void makeWarp() {
     // Eq (5) by itself is to carry a rigid edit exactly; the naive frames belong to Fig. 5.
     const auto frames = resolved.options.corrector ? detail::FramePoints::Naive : detail::FramePoints::Straight;
-    const detail::WarpPairs pairs = detail::warpPairs(resolved.skeletons, frames, kWarpCentres);
+    const auto& given = resolved.options.warpPairs;
+    detail::WarpPairs pairs;
+    if (given.empty()) pairs = detail::warpPairs(resolved.skeletons, frames, kWarpCentres);
+    for (const auto& [rest, posed] : given) pairs.rest.push_back(rest), pairs.posed.push_back(posed);
     if (pairs.rest.empty())
       throw std::invalid_argument("track is 'warp', but no primitive has corresponding points; expected at least one pair");
-    if (pairs.rest.size() > kWarpCentres)
+    if (pairs.rest.size() > kMostPairs)
       throw std::invalid_argument(fmt::format("track is 'warp' with {} corresponding points, expected at most {}",
-                                              pairs.rest.size(), kWarpCentres));
+                                              pairs.rest.size(), kMostPairs));
     warp = std::make_shared<const map::RbfWarp>(pairs.rest, pairs.posed);
   }
 

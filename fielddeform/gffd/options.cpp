@@ -1,5 +1,8 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/gffd/options.h>
+#include <fmt/format.h>
+
+#include <stdexcept>
 
 namespace fielddeform::gffd {
 
@@ -12,6 +15,9 @@ void Options::validate() const {
   if (radius) requirePositive("radius", *radius);
   requirePositive("autoRadiusFactor", autoRadiusFactor);
   field.validate();
+  for (std::size_t i = 0; i < warpPairs.size(); ++i)
+    if (!warpPairs[i].first.allFinite() || !warpPairs[i].second.allFinite())
+      throw std::invalid_argument(fmt::format("warpPairs: pair {} is not finite", i));
 }
 
 std::string_view toString(Predictor predictor) noexcept {

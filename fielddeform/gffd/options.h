@@ -9,6 +9,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 namespace fielddeform::gffd {
 
@@ -48,6 +50,9 @@ struct Options {
   double autoRadiusFactor = 2;     ///< automatic radius = factor x greatest distance from the mesh to the skeleton
   MidpointValue midpointValue = MidpointValue::Sampled;
   field::FieldOptions field{};
+  /// Predictor Warp: points and where they go, world [Qin et al. 2003, eq. (4): "or specified directly by users"]; empty:
+  /// the skeletons' own points. At most 100000.
+  std::vector<std::pair<Vec3, Vec3>> warpPairs{};
 
   /// @throw std::invalid_argument naming the field, its value and its bound
   void validate() const;

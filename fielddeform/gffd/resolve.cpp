@@ -16,7 +16,8 @@ constexpr std::size_t kSamplePoints = 4096;
 constexpr std::size_t kAxialPrimitives = 8;  // the closest frame costs a search in every one
 
 // Greatest distance from a mesh's vertices to the nearest primitive.
-double greatestDistance(const mesh::Mesh& mesh, skeleton::Skeleton skeleton, const field::FieldOptions& options) {
+double greatestDistance(const mesh::Mesh& mesh, skeleton::Skeleton skeleton, field::FieldOptions options) {
+  options.distance = {};  // only closest points are asked for
   for (auto& p : skeleton.primitives) {
     p.radius = 1;
     p.pointRadius.clear();

@@ -1,6 +1,7 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/map/rbf_warp.h>
+#include <fielddeform/numeric/compact_rbf.h>
 #include <fielddeform/numeric/rotation.h>
 #include <fmt/format.h>
 
@@ -15,6 +16,7 @@ namespace fielddeform::map {
 namespace {
 
 constexpr double kRigid = 1e-12;  // of the centres' size: what is nearer to a rigid motion is one
+constexpr std::size_t kMostDense = 2000;  // centres: above, the dense solve takes too long
 constexpr std::size_t kGrain = 64;
 
 void requireCentres(Points rest, Points posed, const RbfWarpOptions& o) {
@@ -25,6 +27,7 @@ void requireCentres(Points rest, Points posed, const RbfWarpOptions& o) {
     throw std::invalid_argument(fmt::format("rest: {} centres, must be <= {}", rest.size(), o.maxCentres));
   requireFinite("time", o.time);
   requireInRange("smoothing", o.smoothing, 0, std::numeric_limits<double>::max());
+  requirePositive("tolerance", o.tolerance);
   for (std::size_t i = 0; i < rest.size(); ++i)
     for (const Points& side : {rest, posed})
       if (!side[i].allFinite())
@@ -68,20 +71,29 @@ Mat3 bestRotation(const Motion& m, Points rest, Points posed, double size) {
 struct RbfWarp::Model {
   Motion motion;
   std::optional<numeric::Rbf> rest;  // what the motion leaves; absent if nothing
+  std::vector<numeric::CompactRbf> many;  // the same for many centres, one a coordinate
   bool identity = false;
   numeric::RbfReport report;
 
   Model(Points restCentres, Points posed, const RbfWarpOptions& options);
+  void fitMany(Points centres, Points left, const RbfWarpOptions& options, double size);
   Vec3 displacement(const Vec3& p) const {
     if (identity) return Vec3::Zero();
     Vec3 d = motion.displacement(p);
     if (rest) d += rest->evaluate(p);
+    Vec3 unused;
+    for (std::size_t k = 0; k < many.size(); ++k) d[static_cast<int>(k)] += many[k].evaluate(p, unused);
     return d;
   }
   Mat3 gradient(const Vec3& p) const {
     if (identity) return Mat3::Zero();
     Mat3 g = motion.rotation - Mat3::Identity();
     if (rest) g += rest->jacobian(p);
+    Vec3 row;
+    for (std::size_t k = 0; k < many.size(); ++k) {
+      many[k].evaluate(p, row);
+      g.row(static_cast<int>(k)) += row.transpose();
+    }
     return g;
   }
 };
@@ -103,11 +115,30 @@ RbfWarp::Model::Model(Points restCentres, Points posed, const RbfWarpOptions& op
   std::vector<Vec3> left(restCentres.size());
   for (std::size_t i = 0; i < left.size(); ++i)
     left[i] = posed[i] - restCentres[i] - motion.displacement(restCentres[i]);
+  if (left.size() > kMostDense) {
+    fitMany(restCentres, left, options, size);
+    return;
+  }
   numeric::RbfOptions rbf;
   rbf.smoothing = options.smoothing;
   rbf.maxCentres = options.maxCentres;
   rest.emplace(restCentres, left, rbf);
   report = rest->report();
+}
+
+void RbfWarp::Model::fitMany(Points centres, Points left, const RbfWarpOptions& options, double size) {
+  numeric::CompactRbfOptions o;
+  o.smoothing = options.smoothing;
+  o.tolerance = options.tolerance * size / std::sqrt(3.0);
+  std::vector<double> component(left.size());
+  for (int k = 0; k < 3; ++k) {
+    for (std::size_t i = 0; i < left.size(); ++i) component[i] = left[i][k];
+    many.emplace_back(centres, component, o);
+    const numeric::CompactRbfReport& r = many.back().report();
+    report.centres = r.centres;
+    report.distinct = r.distinct;
+    report.residual = std::hypot(report.residual, r.residual);
+  }
 }
 
 class RbfWarp::Bound final : public Binding {

@@ -17,12 +17,14 @@ struct RbfWarpOptions {
   double time = 1;                                  ///< t: 0 the identity, 1 the posed centres, dimensionless
   double smoothing = 0;                             ///< >= 0, dimensionless; 0 meets the centres
   RigidPart rigidPart = RigidPart::BestRotation;
-  std::size_t maxCentres = 2000;
+  std::size_t maxCentres = 100000;                  ///< more are refused; above 2000 the interpolant has compact support
+  double tolerance = 1e-6;                          ///< above 2000 centres: greatest miss, of the centres' size, > 0
 };
 
 /// The warp of corresponding points, [Qin et al. 2003, eqs. (4)-(6)]: W(P_j0, 0) = P_j0, W(P_j0, 1) = P_j1, as
 ///   W(X, t) = X + t (M X - X + U(X)),
-/// M the best rigid motion of the centres and U the triharmonic interpolant of what it leaves. Linear in time (the paper
+/// M the best rigid motion of the centres and U the interpolant of what it leaves: triharmonic up to 2000 centres, above
+/// that of compact support, coarse to fine (numeric/compact_rbf.h). Linear in time (the paper
 /// leaves that open), so W(X, 0) = X bit for bit and the eq. (6) direction is that of W(X, 1) - X.
 /// Statuses: Fixed where nothing is edited or t = 0, Invalid for points that are not finite, else Converged; residuals 0.
 class RbfWarp final : public SpaceMap {

@@ -1,6 +1,7 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/numeric/detail/cholesky.h>
+#include <fielddeform/numeric/detail/cubic_sum.h>
 #include <fielddeform/numeric/rbf.h>
 #include <fmt/format.h>
 
@@ -15,7 +16,7 @@ namespace {
 
 constexpr double kMerge = 1e-9;  // centres closer than this, of the extent, are one
 constexpr double kFlat = 1e-9;   // thinner than this, of the greatest spread: a plane or a line
-constexpr std::size_t kLanes = 4;
+constexpr std::size_t kLanes = detail::kCubicLanes;
 
 using Column = std::vector<double>;
 
@@ -96,7 +97,7 @@ struct Rbf::Impl {
   double unit = 1;             // power of two: the values are solved for in units of it
   Vec3 constant = Vec3::Zero();
   Mat3 linear = Mat3::Zero();  // by q
-  std::vector<double> soa;     // blocks of kLanes: x, y, z of the centres, x, y, z of the weights
+  std::vector<double> blocks;  // see cubic_sum.h: the centres and their weights
   RbfReport report;
 
   std::vector<Vec3> centre;    // distinct, normalised
@@ -108,6 +109,7 @@ struct Rbf::Impl {
   void pack(const std::vector<Vec3>& weight);
   Vec3 local(const Vec3& p) const { return (p - origin) * scale; }
   Vec3 at(const Vec3& q) const;
+  double firstAt(const Vec3& q, Vec3& gradient) const;
 };
 
 void Rbf::Impl::normalize(Points centres, Points values) {
@@ -224,10 +226,9 @@ void Rbf::Impl::solve(double smoothing) {
 }
 
 void Rbf::Impl::pack(const std::vector<Vec3>& weight) {
-  const std::size_t blocks = (centre.size() + kLanes - 1) / kLanes;
-  soa.assign(blocks * kLanes * 6, 0.0);
+  blocks.assign((centre.size() + kLanes - 1) / kLanes * detail::kCubicBlock, 0.0);
   for (std::size_t i = 0; i < centre.size(); ++i) {
-    double* block = soa.data() + i / kLanes * kLanes * 6 + i % kLanes;
+    double* block = blocks.data() + i / kLanes * detail::kCubicBlock + i % kLanes;
     for (std::size_t k = 0; k < 3; ++k) {
       block[k * kLanes] = centre[i][static_cast<int>(k)];
       block[(3 + k) * kLanes] = weight[i][static_cast<int>(k)];
@@ -235,18 +236,14 @@ void Rbf::Impl::pack(const std::vector<Vec3>& weight) {
   }
 }
 
+double Rbf::Impl::firstAt(const Vec3& q, Vec3& gradient) const {
+  const double radial = detail::cubicSum(blocks.data(), blocks.size() / detail::kCubicBlock, q, gradient);
+  gradient += linear.row(0).transpose();
+  return radial + (constant.x() + linear.row(0).dot(q));
+}
+
 Vec3 Rbf::Impl::at(const Vec3& q) const {
-  double sum[3][kLanes] = {};
-  for (const double *b = soa.data(), *end = b + soa.size(); b != end; b += 6 * kLanes)
-    for (std::size_t l = 0; l < kLanes; ++l) {
-      const double x = q.x() - b[l], y = q.y() - b[kLanes + l], z = q.z() - b[2 * kLanes + l];
-      const double r2 = x * x + y * y + z * z;
-      const double r3 = r2 * std::sqrt(r2);
-      for (std::size_t k = 0; k < 3; ++k) sum[k][l] += b[(3 + k) * kLanes + l] * r3;
-    }
-  Vec3 radial;
-  for (int k = 0; k < 3; ++k) radial[k] = (sum[k][0] + sum[k][2]) + (sum[k][1] + sum[k][3]);
-  return radial + (constant + linear * q);
+  return detail::cubicSums(blocks.data(), blocks.size() / detail::kCubicBlock, q) + (constant + linear * q);
 }
 
 Rbf::Rbf(Points centres, Points values, const RbfOptions& options) : impl_(std::make_unique<Impl>()) {
@@ -262,10 +259,16 @@ const RbfReport& Rbf::report() const noexcept { return impl_->report; }
 
 Vec3 Rbf::evaluate(const Vec3& point) const { return impl_->at(impl_->local(point)); }
 
+double Rbf::first(const Vec3& point, Vec3& gradient) const {
+  const double value = impl_->firstAt(impl_->local(point), gradient);
+  gradient *= impl_->scale;
+  return value;
+}
+
 Mat3 Rbf::jacobian(const Vec3& point) const {
   const Vec3 q = impl_->local(point);
   Mat3 j = impl_->linear;
-  for (const double *b = impl_->soa.data(), *end = b + impl_->soa.size(); b != end; b += 6 * kLanes)
+  for (const double *b = impl_->blocks.data(), *end = b + impl_->blocks.size(); b != end; b += detail::kCubicBlock)
     for (std::size_t l = 0; l < kLanes; ++l) {
       const Vec3 d = q - Vec3(b[l], b[kLanes + l], b[2 * kLanes + l]);
       const Vec3 w(b[3 * kLanes + l], b[4 * kLanes + l], b[5 * kLanes + l]);

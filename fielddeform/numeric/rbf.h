@@ -39,6 +39,8 @@ class Rbf {
   const RbfReport& report() const noexcept;
   Vec3 evaluate(const Vec3& point) const;
   Mat3 jacobian(const Vec3& point) const;  ///< row = component of the value
+  /// The first component and its gradient: scalars are given as (value, 0, 0). Quicker than the two above.
+  double first(const Vec3& point, Vec3& gradient) const;
   /// Many points, in parallel. @throw std::invalid_argument if the sizes differ
   void evaluate(Points points, std::span<Vec3> out) const;
 

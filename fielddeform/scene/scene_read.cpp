@@ -140,9 +140,23 @@ LatticeStep readLatticeStep(const JsonValue& value, const fs::path& folder) {
   return step;
 }
 
+void readDistance(const JsonValue& object, field::DistanceOptions& d) {
+  if (const auto kind = given(object, "distance"))
+    d.kind = static_cast<field::Distance>(kind->word({"exact", "variational", "grid"}));
+  if (const auto voxel = given(object, "voxel")) d.grid.voxel = voxel->positive();
+  if (const auto tolerance = given(object, "distance_tolerance"))
+    d.grid.tolerance = d.variational.tolerance = tolerance->inRange(1e-6, 0.1);
+  if (const auto sampling = given(object, "sampling"))
+    d.grid.sampling = static_cast<field::Sampling>(sampling->word({"trilinear", "quadratic"}));
+  if (const auto memory = given(object, "memory_mb")) d.grid.maxMegabytes = memory->inRange(1e-3, 1e9);
+  if (const auto centres = given(object, "centres")) d.variational.centres = centres->integer(16, 100000);
+  if (const auto smoothing = given(object, "smoothing")) d.variational.smoothing = smoothing->inRange(0, 1e12);
+}
+
 void readField(const JsonValue& object, field::FieldOptions& field) {
-  object.allowKeys({"distance", "potential", "sharpness"});
-  if (const auto distance = given(object, "distance")) distance->word({"exact"});
+  object.allowKeys({"distance", "potential", "sharpness", "voxel", "distance_tolerance", "sampling", "memory_mb", "centres",
+                    "smoothing"});
+  readDistance(object, field.distance);
   if (const auto potential = given(object, "potential"))
     field.potential =
         static_cast<skeleton::Potential>(potential->word({"exponential", "gaussian", "metaball", "soft-object"}));
@@ -161,7 +175,7 @@ void readFalloff(const JsonValue& value, gffd::Options& tracking) {
 
 void readTracking(const JsonValue& object, gffd::Options& t) {
   object.allowKeys({"predictor", "corrector", "tolerance", "max_iterations", "falloff", "guard", "strict_value",
-                    "substeps", "retry", "midpoint"});
+                    "substeps", "retry", "midpoint", "warp_pairs"});
   if (const auto word = given(object, "predictor"))
     t.predictor = static_cast<gffd::Predictor>(word->word({"auto", "mls", "axial", "warp", "gradient"}));
   setFlag(object, "corrector", t.corrector);
@@ -174,6 +188,13 @@ void readTracking(const JsonValue& object, gffd::Options& t) {
   setFlag(object, "retry", t.retry);
   if (const auto word = given(object, "midpoint"))
     t.midpointValue = static_cast<gffd::MidpointValue>(word->word({"sampled", "mean"}));
+  if (const auto pairs = given(object, "warp_pairs")) {
+    for (const JsonValue pair : pairs->array()) {
+      std::vector<Vec3> ends;
+      for (const JsonValue end : pair.array(2)) ends.push_back(end.vec3());
+      t.warpPairs.emplace_back(ends[0], ends[1]);
+    }
+  }
 }
 
 resample::Options readResample(const JsonValue& object) {

@@ -109,8 +109,21 @@ void writeLattices(JsonWriter& json, const Scene& scene, const fs::path* folder)
   json.end();
 }
 
+void writeDistance(JsonWriter& json, const field::DistanceOptions& d) {
+  json.member("distance", field::toString(d.kind));
+  if (d.kind == field::Distance::Grid) {
+    if (d.grid.voxel) json.member("voxel", *d.grid.voxel);
+    json.member("distance_tolerance", d.grid.tolerance).member("sampling", field::toString(d.grid.sampling));
+    json.member("memory_mb", d.grid.maxMegabytes);
+  } else if (d.kind == field::Distance::Variational) {
+    json.member("centres", d.variational.centres).member("smoothing", d.variational.smoothing);
+    if (d.variational.tolerance != field::VariationalOptions{}.tolerance) json.member("distance_tolerance", d.variational.tolerance);
+  }
+}
+
 void writeTracking(JsonWriter& json, const gffd::Options& t) {
-  json.key("field").beginObject(JsonLayout::Inline).member("distance", "exact");
+  json.key("field").beginObject(JsonLayout::Inline);
+  writeDistance(json, t.field.distance);
   json.member("potential", skeleton::toString(t.field.potential)).member("sharpness", t.field.sharpness).end();
   json.key("tracking").beginObject(JsonLayout::Inline).member("predictor", gffd::toString(t.predictor));
   json.member("corrector", t.corrector).member("tolerance", t.tolerance).member("max_iterations", t.maxIterations);
@@ -119,7 +132,13 @@ void writeTracking(JsonWriter& json, const gffd::Options& t) {
   else json.value(t.falloff == gffd::Falloff::Auto ? "auto" : "off");
   json.member("guard", t.guard).member("strict_value", t.strictValue).member("substeps", t.substeps);
   json.member("retry", t.retry);
-  json.member("midpoint", t.midpointValue == gffd::MidpointValue::Mean ? "mean" : "sampled").end();
+  json.member("midpoint", t.midpointValue == gffd::MidpointValue::Mean ? "mean" : "sampled");
+  if (!t.warpPairs.empty()) {
+    json.key("warp_pairs").beginArray(JsonLayout::Inline);
+    for (const auto& [rest, posed] : t.warpPairs) json.beginArray().value(rest).value(posed).end();
+    json.end();
+  }
+  json.end();
 }
 
 void writeSkeletonMethod(JsonWriter& json, const Scene& scene, const fs::path* folder) {

@@ -1,9 +1,9 @@
+#include <fielddeform/field/vdb.h>
 #include <fielddeform/scene/detail/skeletons.h>
 #include <fielddeform/scene/symmetry.h>
 #include <fielddeform/mesh/measures.h>
 #include <fielddeform/skeleton/fit.h>
 #include <fielddeform/skeleton/interpolate.h>
-#include <fielddeform/skeleton/io.h>
 #include <fielddeform/skeleton/principal_axes.h>
 
 #include <algorithm>
@@ -25,7 +25,7 @@ bool is(const Edit& edit) {
 
 template <class Path, class Source>
 Skeleton readOr(const Source& source) {
-  if (const auto* path = std::get_if<Path>(&source)) return skeleton::readSkeleton(*path);
+  if (const auto* path = std::get_if<Path>(&source)) return field::readSkeletonOrVolume(*path);
   return std::get<Skeleton>(source);
 }
 

@@ -220,7 +220,9 @@ TEST(GffdOptions, OutOfRangeValuesAreNamed) {
   EXPECT_THROW(resolve({.falloffBand = 1.5}, mesh, pair), std::invalid_argument);
   EXPECT_THROW(resolve({.substeps = 0}, mesh, pair), std::invalid_argument);
   EXPECT_THROW(resolve({}, mesh, skeleton::pairSkeletons({}, bent(1))), std::invalid_argument);
-  EXPECT_THROW(GffdMap({.options = {}, .skeletons = pair}), std::invalid_argument);
+  ResolvedOptions unresolved;
+  unresolved.skeletons = pair;
+  EXPECT_THROW(GffdMap{unresolved}, std::invalid_argument);
 }
 
 TEST(GffdOptions, TheAutomaticRadiusIsTwiceTheGreatestDistance) {

@@ -1,3 +1,4 @@
+#include <fielddeform/core/detail/simd.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/core/random.h>
 #include <fielddeform/numeric/detail/cholesky.h>
@@ -224,6 +225,37 @@ TEST(Rbf, SameBitsOnAnyThreadCount) {
     if (expected.empty()) expected = out;
     EXPECT_EQ(out, expected);
   }
+}
+
+TEST(Rbf, FirstIsTheFirstComponentAndItsGradient) {
+  for (const std::size_t n : {1u, 7u, 8u, 9u, 200u}) {
+    const auto centres = cloud(11, n);
+    const Rbf rbf(centres, valuesOf(centres, smooth));
+    for (std::uint64_t i = 0; i < 20; ++i) {
+      const Vec3 p = i ? 1.5 * randomPoint(12, i) : centres[0];
+      Vec3 gradient;
+      EXPECT_NEAR(rbf.first(p, gradient), rbf.evaluate(p).x(), 1e-11) << n;
+      EXPECT_LT((gradient.transpose() - rbf.jacobian(p).row(0)).norm(), 1e-10) << n;
+    }
+  }
+}
+
+TEST(Rbf, SameBitsOnAnyProcessor) {
+  const auto centres = cloud(13, 101);
+  const Rbf rbf(centres, valuesOf(centres, smooth));
+  using fielddeform::detail::SimdLevel;
+  std::vector<Vec3> results[3];
+  for (const SimdLevel level : {SimdLevel::Baseline, SimdLevel::Avx2, SimdLevel::Avx512}) {
+    const fielddeform::detail::SimdLimit limit(level);
+    for (std::uint64_t i = 0; i < 50; ++i) {
+      const Vec3 p = 1.3 * randomPoint(14, i);
+      Vec3 gradient;
+      const double first = rbf.first(p, gradient);
+      for (const Vec3& x : {rbf.evaluate(p), gradient, Vec3(first, 0, 0)}) results[static_cast<int>(level)].push_back(x);
+    }
+  }
+  EXPECT_TRUE(results[0] == results[1]);
+  EXPECT_TRUE(results[0] == results[2]);
 }
 
 TEST(Rbf, BadInputIsRefusedWithTheNumber) {

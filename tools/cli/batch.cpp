@@ -229,6 +229,10 @@ int runBatch(BatchOptions& options, Terminal& terminal) {
     if (fs::is_regular_file(options.mask)) scene.mask->file = options.mask;
     else scene.mask->attribute = options.mask;
   }
+  if (!options.warpPairs.empty()) {
+    scene.tracking.predictor = gffd::Predictor::Warp;
+    scene.tracking.warpPairs = readPairs(options.warpPairs);
+  }
   std::optional<fs::path> save;
   if (!options.saveScene.empty()) save = options.saveScene;
   return runScene(scene, save, terminal, options.done);

@@ -43,6 +43,7 @@ void addLattice(CLI::App& app, Session& session);
 void addRun(CLI::App& app, Session& session);
 void addWatch(CLI::App& app, Session& session);
 void addSkeleton(CLI::App& app, Session& session);
+void addField(CLI::App& app, Session& session);
 void addInfo(CLI::App& app, Session& session);
 void addRender(CLI::App& app, Session& session);
 void addVolume(CLI::App& app, Session& session);

@@ -24,6 +24,7 @@ std::unique_ptr<CLI::App> makeApp(Session& session) {
   addRun(*app, session);
   addWatch(*app, session);
   addSkeleton(*app, session);
+  addField(*app, session);
   addInfo(*app, session);
   addRender(*app, session);
   addVolume(*app, session);

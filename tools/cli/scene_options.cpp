@@ -22,7 +22,8 @@ void setFalloff(gffd::Options& tracking, const std::string& text) {
   }
 }
 
-void addTracking(CLI::App& command, gffd::Options& tracking) {
+void addTracking(CLI::App& command, BatchOptions& options) {
+  gffd::Options& tracking = options.scene.tracking;
   const char* group = "Tracking";
   addNumber(command, "--radius", tracking.radius,
             "Influence radius of primitives that name none, model units (default: from the mesh)")
@@ -30,6 +31,9 @@ void addTracking(CLI::App& command, gffd::Options& tracking) {
   addWord(command, "--track", {"auto", "mls", "axial", "warp", "gradient"},
           [&tracking](std::size_t i) { tracking.predictor = static_cast<gffd::Predictor>(i); },
           "How vertices follow (default: auto, which is mls or axial; warp and gradient are the paper's)")->group(group);
+  command.add_option("--warp-pairs", options.warpPairs,
+                     "As --track warp, by these points: a line each, X Y Z and X Y Z of where it goes")
+      ->type_name("FILE")->group(group);
   command.add_flag_callback("--no-corrector", [&tracking] { tracking.corrector = false; },
                             "Do not bring vertices back to their field value")->group(group);
   command.add_option("--tolerance", tracking.tolerance, "Residual of a converged vertex, in radii (default: 1e-4)")
@@ -187,10 +191,38 @@ void addFiles(CLI::App& command, BatchOptions& options, bool severalMeshes) {
 
 }  // namespace
 
+void addDistance(CLI::App& command, field::DistanceOptions& options) {
+  const char* group = "Distance";
+  addWord(command, "--distance", {"exact", "variational", "grid"},
+          [&options](std::size_t i) { options.kind = static_cast<field::Distance>(i); },
+          "How the distance to a primitive is found (default: exact)")->group(group);
+  command.add_option_function<double>("--voxel", [&options](const double& h) { options.grid.voxel = h; },
+                                      "grid: edge of a voxel, model units (default: from the tolerance)")
+      ->type_name("NUMBER")->check(within(1e-300, 1e300))->group(group);
+  command.add_option_function<double>(
+      "--distance-tolerance",
+      [&options](const double& t) { options.grid.tolerance = options.variational.tolerance = t; },
+      "In radii: greatest error of the grid where the distance is smooth (default: 1e-3); residual at more than 2000 centres "
+      "(default: 1e-6)")->type_name("NUMBER")->check(within(1e-6, 0.1))->group(group);
+  addWord(command, "--sampling", {"trilinear", "quadratic"},
+          [&options](std::size_t i) { options.grid.sampling = static_cast<field::Sampling>(i); },
+          "grid: between the voxels (default: trilinear)")->group(group);
+  command.add_option("--distance-memory", options.grid.maxMegabytes,
+                     "grid: refuse to take more than this (default: 2048)")->type_name("MB")->check(within(1e-3, 1e9))->group(group);
+  command.add_option("--centres", options.variational.centres,
+                     "variational: at most so many a primitive; above 2000 with compact support (default: 1000)")
+      ->type_name("N")->check(within(16, 100000))->group(group);
+  command.add_option("--smoothing", options.variational.smoothing, "variational: 0 interpolates (default: 0)")
+      ->type_name("NUMBER")->check(within(0, 1e12))->group(group);
+}
+
 void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes, Method method) {
   addFiles(command, options, severalMeshes);
   addEditing(command, options, method);
-  if (method == Method::Skeleton) addTracking(command, options.scene.tracking);
+  if (method == Method::Skeleton) {
+    addTracking(command, options);
+    addDistance(command, options.scene.tracking.field.distance);
+  }
   addResampling(command, options, method);
   addVolume(command, options);
   addOutput(command, options, method);

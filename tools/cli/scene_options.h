@@ -11,7 +11,7 @@ namespace fielddeform::cli {
 struct BatchOptions {
   scene::Scene scene;                 ///< inputs and outputs are filled in by finish()
   std::vector<std::string> meshes;
-  std::string output, report, picture, saveScene, mask;
+  std::string output, report, picture, saveScene, mask, warpPairs;
   std::vector<std::string> attributes;
   bool resample = false, check = false, volume = false;
   resample::Options resampleOptions;
@@ -32,6 +32,9 @@ void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options,
 /// What the options say only together, after all are parsed: names of files whose extension is of no use, and several
 /// meshes where one is needed. @throw CLI::ValidationError
 void requireUsable(const BatchOptions& options);
+
+/// How distances are found: --distance and what belongs to it.
+void addDistance(CLI::App& command, field::DistanceOptions& options);
 
 /// Fills the scene from the parsed options and runs it on every mesh. Several meshes: one bar, one that fails does not
 /// stop the rest, a table at the end.

@@ -1,4 +1,5 @@
 // fielddeform skeleton: a skeleton made from a mesh.
+#include <fielddeform/field/vdb.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/skeleton/fit.h>
 #include <fielddeform/skeleton/io.h>
@@ -19,6 +20,7 @@ struct SkeletonOptions {
   skeleton::PointFitOptions points;
   std::optional<std::size_t> count;
   skeleton::LodFitOptions lod;
+  field::VdbReadOptions volume;
 };
 
 skeleton::Skeleton fit(SkeletonOptions& o, const mesh::Mesh& mesh, Terminal& terminal) {
@@ -43,7 +45,8 @@ skeleton::Skeleton fit(SkeletonOptions& o, const mesh::Mesh& mesh, Terminal& ter
 int run(SkeletonOptions& o, Terminal& terminal) {
   mesh::ReadOptions read;
   read.invalid = mesh::InvalidPoints::Keep;
-  const mesh::Mesh mesh = mesh::readMesh(o.mesh, read, nullptr, &terminal);
+  const mesh::Mesh mesh = field::isVdb(o.mesh) ? field::readVdbSurface(o.mesh, o.volume)
+                                               : mesh::readMesh(o.mesh, read, nullptr, &terminal);
   terminal.beginStage("skeleton");
   const skeleton::Skeleton skeleton = fit(o, mesh, terminal);
   skeleton::writeSkeleton(skeleton, o.output);
@@ -59,7 +62,8 @@ int run(SkeletonOptions& o, Terminal& terminal) {
 void addSkeleton(CLI::App& app, Session& session) {
   const auto options = optionsOf<SkeletonOptions>();
   auto* command = app.add_subcommand("skeleton", "Make a skeleton from a mesh");
-  command->add_option("MESH", options->mesh, "Mesh (PLY, OBJ, STL, OFF)")->required()->type_name("");
+  command->add_option("MESH", options->mesh, "Mesh (PLY, OBJ, STL, OFF), or a volume (VDB), whose surface is taken")
+      ->required()->type_name("");
   command->add_option("-o,--output", options->output, "Skeleton to write (JSON, or OBJ for a modeller)")
       ->required()->type_name("FILE")->check(endingIn({".json", ".obj"}));
   addWord(*command, "--kind", {"axis", "lod", "points"}, [options](std::size_t i) { options->kind = static_cast<Kind>(i); },
@@ -73,6 +77,9 @@ void addSkeleton(CLI::App& app, Session& session) {
       ->type_name("N")->check(within(4, 1e9));
   command->add_option("--seed", options->points.seed, "points: another choice of points (default: 0)")
       ->type_name("N")->check(within(0, 9007199254740992.0));
+  command->add_option("--grid", options->volume.grid, "volume: the grid's name (default: the first of numbers)")->type_name("NAME");
+  addNumber(*command, "--isovalue", options->volume.isovalue,
+            "volume: where its surface is (default: 0 of a level set, 0.5 of a fog volume)");
   addThreads(*command, session);
   command->footer("Example:\n  fielddeform skeleton scan.ply -o spine.json --kind axis");
   command->callback([&session, options] {

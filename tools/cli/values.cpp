@@ -1,12 +1,15 @@
 #include "values.h"
 
 #include <fielddeform/core/angle.h>
+#include <fielddeform/core/atomic_file.h>
+#include <fielddeform/core/error.h>
 #include <fmt/format.h>
 
 #include <CLI/Validators.hpp>
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <sstream>
 
 namespace fielddeform::cli {
 namespace {
@@ -161,6 +164,31 @@ std::string extensionProblem(const std::filesystem::path& path, const std::vecto
   for (char& c : own) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   if (std::find(extensions.begin(), extensions.end(), own) != extensions.end()) return {};
   return fmt::format("\"{}\", expected a name that ends in {}", path.string(), fmt::join(extensions, ", "));
+}
+
+std::vector<std::pair<Vec3, Vec3>> readPairs(const std::filesystem::path& path) {
+  std::vector<std::pair<Vec3, Vec3>> pairs;
+  std::istringstream lines(readTextFile(path));
+  std::uint64_t number = 0;
+  for (std::string line; std::getline(lines, line);) {
+    ++number;
+    std::istringstream words(line);
+    std::vector<double> values;
+    for (std::string word; words >> word && word[0] != '#';) {
+      double value = 0;
+      const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+      if (error != std::errc() || stop != word.data() + word.size() || !std::isfinite(value))
+        throw IoError(path, {.line = number, .column = {}, .byte = {}}, "", "\"" + word + "\"", "a finite number");
+      values.push_back(value);
+    }
+    if (values.empty()) continue;
+    if (values.size() != 6)
+      throw IoError(path, {.line = number, .column = {}, .byte = {}}, "", fmt::format("{} numbers", values.size()),
+                    "six: X Y Z of a point and of where it goes");
+    pairs.emplace_back(Vec3(values[0], values[1], values[2]), Vec3(values[3], values[4], values[5]));
+  }
+  if (pairs.empty()) throw IoError(path, "no pairs of points, expected at least one line of six numbers");
+  return pairs;
 }
 
 std::filesystem::path withSuffix(const std::filesystem::path& path, std::string_view suffix, std::string_view extension) {

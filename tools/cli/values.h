@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 /// Option values that CLI11 does not know. Whatever does not parse is a usage error that names the option.
@@ -39,6 +40,10 @@ CLI::Validator endingIn(std::vector<std::string> extensions);
 /// Says what is wrong with the name of a file to be written; empty if its extension is one of these, or it is a device or
 /// a pipe. Upper case is as good.
 std::string extensionProblem(const std::filesystem::path& path, const std::vector<std::string>& extensions);
+
+/// Pairs of points, a line each: X Y Z of the point and X Y Z of where it goes. Blank lines and lines that begin with #
+/// are left out. @throw IoError naming the line
+std::vector<std::pair<Vec3, Vec3>> readPairs(const std::filesystem::path& path);
 
 /// "out/pic.png" for ("out/mesh.ply", "", ".png").
 std::filesystem::path withSuffix(const std::filesystem::path& path, std::string_view suffix, std::string_view extension);

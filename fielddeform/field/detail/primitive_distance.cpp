@@ -1,4 +1,5 @@
 #include <fielddeform/field/detail/primitive_distance.h>
+#include <fielddeform/skeleton/io.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -69,21 +70,25 @@ PrimitiveDistance::PrimitiveDistance(const skeleton::Primitive& p)
   if (elements_.empty())
     throw std::invalid_argument(fmt::format("primitive \"{}\": no triangle, needs at least 1", p.name));
   greatestRadius_ = pointRadius_.empty() ? *p.radius : *std::max_element(pointRadius_.begin(), pointRadius_.end());
+  leastRadius_ = pointRadius_.empty() ? *p.radius : *std::min_element(pointRadius_.begin(), pointRadius_.end());
   tree_.emplace(treeOf(p, elements_));
+  for (const Vec3& x : p.points) box_.extend(x);
   if (p.type == PrimitiveType::Mesh && p.closed) {
     winding_.emplace(p.points, elements_);
-    for (const Vec3& x : p.points) box_.extend(x);
+    watertight_ = skeleton::boundsSolid(p.faces);
     orientation_ = orientationOf(p.points, elements_);
   }
 }
 
-std::optional<PrimitiveHit> PrimitiveDistance::closest(const Vec3& point, double maxDistance) const {
+std::optional<PrimitiveHit> PrimitiveDistance::closest(const Vec3& point, double maxDistance, const ClosestHint& hint) const {
   spatial::ClosestTree::QueryOptions query;
+  query.hint = hint.element;
   if (!isSigned()) query.maxDistance = maxDistance;
   const spatial::ClosestPoint c = tree_->closest(point, query);
   if (c.element == kNoIndex) return std::nullopt;
   PrimitiveHit hit;
-  const bool inside = isSigned() && box_.contains(point) && std::abs(winding_->at(point)) > 0.5;
+  const bool inside =
+      isSigned() && (hint.inside ? *hint.inside : box_.contains(point) && std::abs(winding_->at(point)) > 0.5);
   hit.point = c.point;
   hit.distance = inside ? -c.distance : c.distance;
   hit.direction = signedDirection(c, inside);

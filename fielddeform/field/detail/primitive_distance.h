@@ -11,6 +11,12 @@
 
 namespace fielddeform::field::detail {
 
+/// What a caller that walks from point to point knows; it changes no answer.
+struct ClosestHint {
+  Index element = kNoIndex;         ///< probably near
+  std::optional<bool> inside = {};  ///< surely
+};
+
 /// Exact distance to one primitive, its sign, and its radius at the closest point.
 class PrimitiveDistance {
  public:
@@ -20,9 +26,15 @@ class PrimitiveDistance {
   bool isSigned() const noexcept { return winding_.has_value(); }
   double greatestRadius() const noexcept { return greatestRadius_; }
 
+  double leastRadius() const noexcept { return leastRadius_; }
+  bool hasPointRadius() const noexcept { return !pointRadius_.empty(); }
+  bool isWatertight() const noexcept { return watertight_; }  ///< signed, and every edge has its opposite: the sign changes at the surface alone
+  const Box& bounds() const noexcept { return box_; }         ///< of the points, world
+
   /// Nothing if the point is not finite, or farther than the bound. Signed primitives know no bound: their inside
   /// counts at any depth.
-  std::optional<PrimitiveHit> closest(const Vec3& point, double maxDistance = std::numeric_limits<double>::infinity()) const;
+  std::optional<PrimitiveHit> closest(const Vec3& point, double maxDistance = std::numeric_limits<double>::infinity(),
+                                      const ClosestHint& hint = {}) const;
 
   double radiusAt(const PrimitiveHit& hit) const;
   /// Derivative of f(p) = distance / radius(closest point) by p. With a radius per point:
@@ -40,7 +52,9 @@ class PrimitiveDistance {
   double greatestRadius_;
   std::optional<spatial::ClosestTree> tree_;
   std::optional<spatial::WindingNumber> winding_;
-  Box box_;                                      // of a closed mesh: nothing beyond is inside
+  Box box_;                                      // of the points; nothing beyond it is inside a closed mesh
+  double leastRadius_;
+  bool watertight_ = false;
   double orientation_ = 1;                       // -1: the closed mesh is inside out
 };
 

@@ -133,7 +133,9 @@ Tracked Stage::track(const Vec3& rest, const Value& value) const {
   if (!predicted.allFinite()) return {rest, rest, Status::Stalled, 0};
   if (rigid_ && w >= 1) {
     const double r = std::abs(posed_->evaluate(predicted).pseudoDistance - value.level * radius_);
-    return {predicted, predicted, r <= tolerance_ ? Status::Converged : Status::Stalled, r};
+    // The value goes along with a rigid motion; what a fitted or sampled distance says of it differs by its own error.
+    const bool met = r <= tolerance_ || options_.field.distance.kind != field::Distance::Exact;
+    return {predicted, predicted, met ? Status::Converged : Status::Stalled, r};
   }
   return correct(predicted, target(predicted, value, w));
 }

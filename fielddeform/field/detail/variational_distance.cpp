@@ -1,0 +1,75 @@
+// A primitive's distance as a variational interpolant of samples: 0 on the primitive, and true distances on offset surfaces
+// around it.  [Turk & O'Brien 1999; Qin et al. 2003, Fig. 1]
+#include <fielddeform/core/parallel.h>
+#include <fielddeform/field/detail/distance_source.h>
+#include <fielddeform/field/detail/stencil.h>
+#include <fielddeform/numeric/compact_rbf.h>
+#include <fielddeform/numeric/rbf.h>
+
+#include <cmath>
+
+namespace fielddeform::field::detail {
+namespace {
+
+constexpr std::size_t kMostDense = 2000;  // centres: above, the dense solve takes too long
+constexpr double kReach = 1.25;           // radii: nothing is fitted beyond
+constexpr double kFadeFrom = 0.85;        // fitted values between these give way to the exact distance, so that the
+constexpr double kFadeTo = 1.15;          // field ends where it should
+
+class VariationalDistance final : public DistanceSource {
+ public:
+  VariationalDistance(const PrimitiveDistance& distance, const skeleton::Primitive& primitive, const VariationalOptions& options,
+                      DistanceReport& report)
+      : distance_(distance), box_(distance.bounds()), radius_(distance.greatestRadius()) {
+    box_.min().array() -= kReach * radius_;
+    box_.max().array() += kReach * radius_;
+    const Stencil s = sampleDistance(distance, primitive, options.centres);
+    report.kind = Distance::Variational;
+    report.centres = s.points.size();
+    if (options.centres <= kMostDense) fitDense(s, options, report);
+    else fitCompact(s, options, report);
+  }
+
+  std::optional<Relative> at(const Vec3& point) const override {
+    if (!box_.contains(point)) return std::nullopt;
+    Relative fitted;
+    fitted.value = (dense_ ? dense_->first(point, fitted.gradient) : compact_->evaluate(point, fitted.gradient)) / radius_;
+    fitted.gradient /= radius_;
+    if (fitted.value < kFadeFrom) return fitted;
+    const auto hit = distance_.closest(point);
+    if (!hit || fitted.value >= kFadeTo) return std::nullopt;
+    const double unit = 1 / (kFadeTo - kFadeFrom);
+    return mix(fitted, exactRelative(distance_, *hit), unit * (fitted.value - kFadeFrom), unit * fitted.gradient);
+  }
+
+ private:
+  void fitDense(const Stencil& s, const VariationalOptions& options, DistanceReport& report) {
+    std::vector<Vec3> values(s.points.size());
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = Vec3(s.values[i], 0, 0);
+    dense_.emplace(s.points, values, numeric::RbfOptions{.smoothing = options.smoothing, .maxCentres = kMostDense});
+    report.residual = dense_->report().residual;
+  }
+  void fitCompact(const Stencil& s, const VariationalOptions& options, DistanceReport& report) {
+    numeric::CompactRbfOptions o;
+    o.smoothing = options.smoothing;
+    o.tolerance = options.tolerance * radius_;
+    compact_.emplace(s.points, s.values, o);
+    report.levels = compact_->report().levels;
+    report.residual = compact_->report().residual;
+  }
+
+  const PrimitiveDistance& distance_;
+  Box box_;
+  double radius_;  // what is fitted is d / r times this
+  std::optional<numeric::Rbf> dense_;
+  std::optional<numeric::CompactRbf> compact_;
+};
+
+}  // namespace
+
+std::unique_ptr<DistanceSource> makeVariationalDistance(const PrimitiveDistance& distance, const skeleton::Primitive& primitive,
+                                                        const VariationalOptions& options, DistanceReport& report) {
+  return std::make_unique<VariationalDistance>(distance, primitive, options, report);
+}
+
+}  // namespace fielddeform::field::detail
