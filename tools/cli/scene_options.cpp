@@ -30,6 +30,9 @@ void addTracking(CLI::App& command, gffd::Options& tracking) {
   addWord(command, "--track", {"auto", "mls", "axial", "warp", "gradient"},
           [&tracking](std::size_t i) { tracking.predictor = static_cast<gffd::Predictor>(i); },
           "How vertices follow (default: auto, which is mls or axial; warp and gradient are the paper's)")->group(group);
+  addWord(command, "--evaluation", {"auto", "exact", "grid"},
+          [&tracking](std::size_t i) { tracking.evaluation = static_cast<gffd::Evaluation>(i); },
+          "Predict every vertex by itself, or from a grid (default: auto, a grid where there are many vertices)")->group(group);
   command.add_flag_callback("--no-corrector", [&tracking] { tracking.corrector = false; },
                             "Do not bring vertices back to their field value")->group(group);
   command.add_option("--tolerance", tracking.tolerance, "Residual of a converged vertex, in radii (default: 1e-4)")
