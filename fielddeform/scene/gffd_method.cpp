@@ -40,6 +40,8 @@ class GffdMethod final : public Method {
     if (!binding_) binding_ = map_->bind(mesh.positions());
   }
 
+  void rebind(const mesh::Mesh& mesh) override { binding_ = map_->bind(mesh.positions()); }
+
   Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) override {
     gffd::Deformed deformed = gffd::deform(mesh, *map_, *binding_, progress);
     evaluated_ = deformed.evaluation;

@@ -1,11 +1,14 @@
 // Bind and edit of a bumpy capsule in CPU-nanoseconds a vertex: a 100-segment line bent by 90 degrees, four lines twisted
 // by 180 degrees, a mesh skeleton of 1000 triangles bent.
-//   edit_bench [--vertices N] [--repeats N] [--peer NANOSECONDS] [--case WORD] [--segments N]
+//   edit_bench [--vertices N] [--repeats N] [--peer NANOSECONDS] [--case line|mls|twist|mesh|exact] [--segments N] [--threads N]
+//   edit_bench --write FILE [--vertices N]    the capsule as a mesh file, and nothing else
 // An edit is everything that a new pose of a bound mesh costs: frames, grid, prediction, correction, guard, statuses and
 // residuals; counting folds and the retry that `deform` adds have rows of their own.
 // The peer is Blender's lattice modifier on as many vertices; tests/bench/edit runs both and passes its figure.
 #include <fielddeform/core/detail/simd.h>
+#include <fielddeform/core/parallel.h>
 #include <fielddeform/gffd/deform.h>
+#include <fielddeform/mesh/io.h>
 #include <fielddeform/mesh/quality.h>
 #include <fmt/format.h>
 #include <tests/bench/bench.h>
@@ -120,6 +123,13 @@ int main(int argc, char** argv) {
   const int segments = std::stoi(bench::option(argc, argv, "--segments", "100"));
   const int around = static_cast<int>(std::sqrt(wanted / 1.5));
   const mesh::Mesh mesh = tests::makeCapsule({.around = around, .along = static_cast<int>(wanted / around)});
+  if (const std::string file = bench::option(argc, argv, "--write", ""); !file.empty()) {
+    mesh::Mesh stored = mesh;
+    stored.setPositionType(mesh::ScalarType::Float32);
+    mesh::writeMesh(stored, file);
+    return 0;
+  }
+  const ThreadLimit limit(std::stoi(bench::option(argc, argv, "--threads", "0")));
   bench::printMachine(repeats);
   fmt::print("{}; {} vertices, {} triangles; line of {} segments, R = 0.6\n",
              fielddeform::detail::toString(fielddeform::detail::simdLevel()), mesh.vertexCount(), mesh.faceCount(), segments);
@@ -127,16 +137,14 @@ int main(int argc, char** argv) {
   const auto wants = [&](const std::string& word) { return only.empty() || only == word; };
   using enum gffd::Predictor;
   const Edit line = lineBend(segments);
-  if (wants("line")) {
-    bench.run(line, Axial, gffd::Evaluation::Grid);
-    bench.run(line, Mls, gffd::Evaluation::Grid);
-    bench.folds(line);
-  }
-  if (wants("twist")) bench.run(fourLineTwist(), Axial, gffd::Evaluation::Grid);
-  if (wants("mesh")) bench.run(cageBend(), Mls, gffd::Evaluation::Grid);
+  if (wants("line")) bench.run(line, Axial, gffd::Evaluation::Auto);
+  if (wants("mls")) bench.run(line, Mls, gffd::Evaluation::Auto);
+  if (wants("twist")) bench.run(fourLineTwist(), Axial, gffd::Evaluation::Auto);
+  if (wants("mesh")) bench.run(cageBend(), Axial, gffd::Evaluation::Auto);
   if (wants("exact")) {
     bench.run(line, Axial, gffd::Evaluation::Exact);
     bench.run(line, Mls, gffd::Evaluation::Exact);
+    bench.folds(line);
   }
   fmt::print("peak memory {:.0f} MB\n", bench::peakMegabytes());
 }

@@ -112,7 +112,7 @@ void printResult(const Job& job, const scene::RunResult& result, Terminal& termi
   if (!r.predictor.empty()) {
     row("tracking", fmt::format("{}: {}", r.predictor, r.predictorReason));
     if (r.evaluation == "grid")
-      row("evaluation", fmt::format("{} vertices from a grid, {} exact", r.evaluated.grid, r.evaluated.exact));
+      row("predicted", fmt::format("{} vertices from a grid, {} exact", r.evaluated.grid, r.evaluated.exact));
     row("radius", fmt::format("{:.6g}{}", r.referenceRadius, result.radiusWasAutomatic ? " (automatic)" : ""));
     row("residual", fmt::format("{:.3g} at most, tolerance {:.3g}", r.residual.max, r.tolerance));
   }

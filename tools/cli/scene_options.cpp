@@ -154,6 +154,8 @@ void addOutput(CLI::App& command, BatchOptions& options, Method method) {
       ->type_name("LIST")->delimiter(',')->check(method == Method::Lattice ? oneOf({"status", "residual", "displacement", "affected"})
                                         : oneOf({"status", "residual", "displacement"}))
       ->allow_extra_args(false)->group(group);
+  command.add_option("--preview", output.preview, "Deform a proxy of about N vertices of the mesh instead of the mesh")
+      ->type_name("N")->check(within(4, 4e9))->group(group);
   command.add_option("--frames", output.frames, "Write a sequence of N meshes from the input to the result")
       ->type_name("N")->check(within(2, 100000))->group(group);
   command.add_option("--save-scene", options.saveScene, "Write the scene with every choice made, for fielddeform run")
