@@ -22,8 +22,8 @@ double greatestStretch(const mesh::Mesh& rest, Points posed) {
           for (std::size_t k = 0; k < c.size(); ++k) {
             const Index a = c[k], b = c[(k + 1) % c.size()];
             const double before = (rest.positions()[b] - rest.positions()[a]).squaredNorm();
-            const double ratio = (posed[b] - posed[a]).squaredNorm() / before;
-            if (before > 0 && ratio > greatest) greatest = ratio;
+            const double after = (posed[b] - posed[a]).squaredNorm();
+            if (after > greatest * before && before > 0) greatest = after / before;
           }
         }
         return std::sqrt(greatest);
@@ -35,12 +35,12 @@ double greatestStretch(const mesh::Mesh& rest, Points posed) {
 
 Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
   const std::size_t n = rest.vertexCount();
-  Deformed d{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n), {}, 0, map, {}};
+  Deformed d{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n), {}, {}, 0, map, {}};
   const Options& options = map.resolved().options;
   const bool guarded = options.guard && options.corrector && !map.isIdentity();
   std::vector<Vec3> safe(guarded ? n : 0);
   progress.beginStage("track");
-  map.apply(binding, {.position = d.position, .safe = safe, .status = d.status, .residual = d.residual}, progress);
+  d.evaluation = map.applyCounted(binding, {.position = d.position, .safe = safe, .status = d.status, .residual = d.residual}, progress);
   if (guarded) {
     progress.beginStage("guard");
     d.guard = guard(rest, safe, d.position, d.status);

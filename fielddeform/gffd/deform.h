@@ -14,6 +14,7 @@ struct Deformed {
   std::vector<Status> status;      ///< #V; counts add up to #V
   std::vector<float> residual;     ///< #V, world units
   GuardReport guard;
+  EvaluationCounts evaluation;     ///< which way the movable vertices went
   std::size_t folds = 0;           ///< folded edges (mesh/quality.h) against the rest mesh
   GffdMap map;                     ///< the map that made it: with another predictor or substep count after a retry
   std::string retry;               ///< one sentence on what the retry did, empty if there was none

@@ -1,5 +1,6 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/gffd/detail/binding.h>
+#include <fielddeform/gffd/detail/grid_tracker.h>
 #include <fielddeform/gffd/detail/paper.h>
 #include <fielddeform/gffd/detail/stage.h>
 #include <fielddeform/gffd/gffd_map.h>
@@ -136,6 +137,7 @@ GffdMap::GffdMap(ResolvedOptions resolved) {
   resolved.options.validate();
   if (resolved.options.predictor == Predictor::Auto || resolved.options.falloff == Falloff::Auto)
     throw std::invalid_argument("options still hold 'auto', expected the result of gffd::resolve");
+  if (resolved.options.evaluation == Evaluation::Auto) resolved.options.evaluation = Evaluation::Exact;
   if (!resolved.embedding) resolved.embedding = detail::makeEmbedding(resolved.skeletons, resolved.options.field);
   auto embedding = resolved.embedding;
   impl_ = std::make_shared<const Impl>(std::move(resolved), std::move(embedding));
@@ -149,7 +151,9 @@ const ResolvedOptions& GffdMap::resolved() const noexcept { return impl_->resolv
 bool GffdMap::isIdentity() const noexcept { return impl_->identity; }
 
 std::shared_ptr<const map::Binding> GffdMap::bind(Points rest) const {
-  return detail::bindPoints(impl_->embedding, rest);
+  auto binding = detail::bindPoints(impl_->embedding, rest);
+  if (usesGrid()) binding->cells();
+  return binding;
 }
 
 std::shared_ptr<const map::Binding> GffdMap::bindMidpoints(const map::Binding& binding, Points rest,
@@ -170,6 +174,10 @@ std::shared_ptr<const map::Binding> GffdMap::bindMidpoints(const map::Binding& b
 bool GffdMap::midpointsInherit() const { return impl_->resolved.options.midpointValue == MidpointValue::Mean; }
 
 void GffdMap::apply(const map::Binding& binding, map::MapOutput out, Progress& progress) const {
+  applyCounted(binding, out, progress);
+}
+
+EvaluationCounts GffdMap::applyCounted(const map::Binding& binding, map::MapOutput out, Progress& progress) const {
   const GffdBinding& b = own(binding, *impl_->embedding);
   const std::size_t n = b.size();
   checkSize("position", out.position, n);
@@ -177,10 +185,16 @@ void GffdMap::apply(const map::Binding& binding, map::MapOutput out, Progress& p
   checkSize("status", out.status, n);
   checkSize("residual", out.residual, n);
   const Impl& impl = *impl_;
+  const bool grid = usesGrid();
+  EvaluationCounts counts;
+  if (grid) counts = detail::trackByGrid(*impl.stages[0], b, out, progress);
+  else if (!impl.identity) counts.exact = countMovable(b);
+  if (grid && b.cells().order.size() == n) return counts;
   parallelFor(n, kGrain, progress, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Tracked t{b.rest[i], b.rest[i], Status::Fixed, 0};
       if (!b.rest[i].allFinite()) t.status = Status::Invalid;
+      else if (grid && b.movable(i)) continue;
       else if (b.movable(i) && !impl.identity) t = impl.track(b.rest[i], b.value(i));
       if (!out.position.empty()) out.position[i] = t.position;
       if (!out.safe.empty()) out.safe[i] = t.safe;
@@ -188,6 +202,7 @@ void GffdMap::apply(const map::Binding& binding, map::MapOutput out, Progress& p
       if (!out.residual.empty()) out.residual[i] = static_cast<float>(t.residual);
     }
   });
+  return counts;
 }
 
 void GffdMap::jacobians(const map::Binding& binding, std::span<Mat3> out) const {
@@ -267,6 +282,8 @@ std::size_t GffdMap::countPierced(const map::Binding& binding) const {
       },
       [](std::size_t x, std::size_t y) { return x + y; });
 }
+
+bool GffdMap::usesGrid() const noexcept { return impl_->stages.size() == 1 && impl_->stages[0]->grid(); }
 
 bool GffdMap::hasFalloff() const noexcept { return impl_->stages.front()->hasFalloff(); }
 

@@ -26,6 +26,8 @@ class GffdMap final : public map::SpaceMap {
                                                     std::span<const std::array<Index, 2>> ends) const override;
   bool midpointsInherit() const override;
   void apply(const map::Binding& binding, map::MapOutput out, Progress& progress) const override;
+  /// As apply(), and says which way the points went.
+  EvaluationCounts applyCounted(const map::Binding& binding, map::MapOutput out, Progress& progress) const;
   /// By central differences of the whole map, step 1e-5 R.
   void jacobians(const map::Binding& binding, std::span<Mat3> out) const override;
 
@@ -48,6 +50,9 @@ class GffdMap final : public map::SpaceMap {
   /// Bound points outside the rest field that lie inside the posed one: the skeleton was moved into them.
   std::size_t countPierced(const map::Binding& binding) const;
   bool hasFalloff() const noexcept;
+  /// Whether predictions come from a grid. It can be asked for and yet not be: for a rigid edit, the paper's trackers,
+  /// substeps, or a skeleton too large for its radius.
+  bool usesGrid() const noexcept;
   /// The falloff's share of every bound point, in [0, 1]: 0 outside the influence, 1 where it is full.
   /// @return #P, or empty if the falloff is off
   std::vector<double> falloffWeights(const map::Binding& binding) const;

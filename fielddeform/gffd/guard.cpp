@@ -8,6 +8,7 @@ namespace fielddeform::gffd {
 namespace {
 
 constexpr double kFactor = 0.6;
+constexpr double kSlack = 1e-9;  // products of squares are rounded
 
 class Guard {
  public:
@@ -56,6 +57,19 @@ class Guard {
     return false;
   }
 
+  // True for most good triangles, without a root; the others, and what is no number, are looked at closely.
+  bool isClear(Index a, Index b, Index c) const {
+    const Vec3 &qa = safe_[a], &qb = safe_[b], &qc = safe_[c], &xa = position_[a], &xb = position_[b], &xc = position_[c];
+    const Vec3 q1 = qb - qa, q2 = qc - qa, q3 = qc - qb, x1 = xb - xa, x2 = xc - xa, x3 = xc - xb;
+    const Vec3 n = q1.cross(q2), m = x1.cross(x2);
+    const double d = n.dot(m);
+    const double most = options_.maxStretch * options_.maxStretch * (1 - kSlack);
+    const bool turned = !(d > 0) || !(d * d > options_.minCosine * options_.minCosine * (1 + kSlack) * (n.squaredNorm() * m.squaredNorm()));
+    const bool longer = !(x1.squaredNorm() < most * q1.squaredNorm()) || !(x2.squaredNorm() < most * q2.squaredNorm()) ||
+                        !(x3.squaredNorm() < most * q3.squaredNorm());
+    return !turned && !longer;
+  }
+
   std::vector<Index> badFaces(const std::vector<double>* lambda) const {
     constexpr std::size_t kGrain = 8192;
     const std::size_t n = lambda ? near_.size() : mesh_.faceCount();
@@ -65,6 +79,7 @@ class Guard {
         const Index f = lambda ? near_[i] : static_cast<Index>(i);
         bool bad = false;
         mesh_.forEachTriangle(f, [&](Index a, Index b, Index c) {
+          if (!lambda && isClear(a, b, c)) return;
           bad = bad || (finite(a) && finite(b) && finite(c) && isBad(a, b, c, lambda));
         });
         if (bad) found[begin / kGrain].push_back(f);

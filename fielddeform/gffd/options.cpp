@@ -37,4 +37,19 @@ std::optional<Predictor> predictorFromString(std::string_view word) noexcept {
   return std::nullopt;
 }
 
+std::string_view toString(Evaluation evaluation) noexcept {
+  switch (evaluation) {
+    case Evaluation::Auto: return "auto";
+    case Evaluation::Exact: return "exact";
+    case Evaluation::Grid: return "grid";
+  }
+  return "auto";
+}
+
+std::optional<Evaluation> evaluationFromString(std::string_view word) noexcept {
+  for (const Evaluation e : {Evaluation::Auto, Evaluation::Exact, Evaluation::Grid})
+    if (word == toString(e)) return e;
+  return std::nullopt;
+}
+
 }  // namespace fielddeform::gffd

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fielddeform/field/field.h>
+#include <fielddeform/gffd/evaluation.h>
 #include <fielddeform/map/space_map.h>
 #include <fielddeform/mesh/mesh.h>
 #include <fielddeform/skeleton/skeleton.h>
@@ -37,6 +38,7 @@ enum class MidpointValue : std::uint8_t {
 
 struct Options {
   Predictor predictor = Predictor::Auto;
+  Evaluation evaluation = Evaluation::Auto;
   bool corrector = true;           ///< bring every vertex back to its field value (Newton)
   bool guard = true;               ///< hold the correction back where it would fold the surface
   bool strictValue = false;        ///< keep every field value: no guard, no falloff, whatever it does to the surface
@@ -67,7 +69,7 @@ struct Embedding;
 
 /// Options with every choice made: stored with a scene, they repeat a run exactly, on any mesh.
 struct ResolvedOptions {
-  Options options;                  ///< predictor never Auto, falloff never Auto
+  Options options;                  ///< predictor, evaluation and falloff never Auto
   skeleton::SkeletonPair skeletons{}; ///< every primitive has a radius
   bool radiusWasAutomatic = false;
   bool predictorWasAutomatic = false;

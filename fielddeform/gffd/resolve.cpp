@@ -14,6 +14,9 @@ namespace {
 
 constexpr std::size_t kSamplePoints = 4096;
 constexpr std::size_t kAxialPrimitives = 8;  // the closest frame costs a search in every one
+// A surface's cells have about six nodes each and are checked at one point: below as many vertices a cell the predictor
+// itself is quicker. Of few vertices nobody sees the difference.
+constexpr std::size_t kVerticesPerCell = 7, kFewVertices = 10000;
 
 // Greatest distance from a mesh's vertices to the nearest primitive.
 double greatestDistance(const mesh::Mesh& mesh, skeleton::Skeleton skeleton, field::FieldOptions options) {
@@ -117,6 +120,7 @@ struct Trial {
 Trial tryPredictor(Predictor predictor, const ResolvedOptions& base, const mesh::Mesh& sample) {
   ResolvedOptions r = base;
   r.options.predictor = predictor;
+  r.options.evaluation = Evaluation::Exact;
   if (r.options.falloff == Falloff::Auto) r.options.falloff = Falloff::Off;
   const GffdMap map(r);
   const auto binding = map.bind(sample.positions());
@@ -151,6 +155,18 @@ void choosePredictor(ResolvedOptions& r, const mesh::Mesh& mesh) {
   r.sampledStretch = better ? axial.stretch : mls.stretch;
   r.predictorReason = fmt::format("on {} sampled vertices axial has {} folds and stretch {:.3g}, mls {} and {:.3g}",
                                   sample.vertexCount(), axial.folds, axial.stretch, mls.folds, mls.stretch);
+}
+
+// Whether a grid is quicker than the predictor at every vertex. Vertices far from the skeleton count, though they do not
+// move: at worst the choice is not the quicker one.
+Evaluation chooseEvaluation(const mesh::Mesh& mesh, const ResolvedOptions& r) {
+  const auto& frame = r.embedding->cells;
+  const std::size_t n = mesh.vertexCount();
+  if (!frame || n < kFewVertices || r.options.substeps > 1) return Evaluation::Exact;
+  const auto& points = mesh.positions();
+  const std::size_t cells =
+      detail::countCells(*frame, points, [&](std::size_t i) { return points[i].allFinite(); }, n / kVerticesPerCell);
+  return cells * kVerticesPerCell <= n ? Evaluation::Grid : Evaluation::Exact;
 }
 
 // Vertices that are not finite have no value to tear away from: they do not count.
@@ -198,6 +214,7 @@ ResolvedOptions resolve(const Options& options, const mesh::Mesh& mesh, const sk
   r.embedding = detail::makeEmbedding(r.skeletons, options.field);
   r.referenceRadius = r.embedding->radius;
   choosePredictor(r, mesh);
+  if (r.options.evaluation == Evaluation::Auto) r.options.evaluation = chooseEvaluation(mesh, r);
   if (r.options.falloff == Falloff::Auto) {
     const auto bound = detail::bindPoints(r.embedding, mesh.positions());
     r.options.falloff = joinsMovableAndFixed(mesh, *bound) ? Falloff::On : Falloff::Off;

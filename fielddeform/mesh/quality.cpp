@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <stdexcept>
@@ -26,6 +27,7 @@ class Triangles {
   explicit Triangles(const Mesh& mesh)
       : own_(mesh.allTriangles() ? std::vector<Index>{} : mesh.triangles()),
         corners_(mesh.allTriangles() ? std::span<const Index>(mesh.corners()) : std::span<const Index>(own_)) {}
+  explicit Triangles(std::span<const Index> corners) : corners_(corners) {}
   std::size_t size() const { return corners_.size() / 3; }
   const Index* operator[](std::size_t t) const { return corners_.data() + 3 * t; }
   std::span<const Index> corners() const { return corners_; }
@@ -71,6 +73,72 @@ SharpCounts countSharp(const Mesh& mesh, Points rest, Points posed) {
           n.posed += after && *after < kFoldTo;
         }
         return n;
+      },
+      std::plus<>());
+}
+
+// Two triangles whose normals are both within acos 0.6 of a third direction are less than 107 degrees apart, not a fold.
+constexpr float kAlike = 0.6f;
+
+// Triangles that may be at a fold: whose normal differs from that of some triangle at one of their corners. Everything
+// else is certain, rounding to floats included.
+std::vector<char> mayFold(const Mesh& mesh, const Triangles& triangles, Points posed) {
+  const std::size_t n = triangles.size();
+  std::vector<std::array<float, 3>> unit(n);
+  parallelFor(n, kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      const Index* c = triangles[t];
+      const Vec3 m = detail::areaVector(posed[c[0]], posed[c[1]], posed[c[2]]);
+      const double scale = 1 / std::sqrt(m.squaredNorm());
+      for (int k = 0; k < 3; ++k) unit[t][static_cast<std::size_t>(k)] = static_cast<float>(m[k] * scale);
+    }
+  });
+  std::vector<Index> some(mesh.vertexCount());  // a triangle at each vertex
+  for (std::size_t t = 0; t < n; ++t)
+    for (int k = 0; k < 3; ++k) some[triangles[t][k]] = static_cast<Index>(t);
+  std::vector<char> out(n);
+  parallelFor(n, kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      const auto& a = unit[t];
+      bool alike = true;
+      for (int k = 0; k < 3; ++k) {
+        const auto& b = unit[some[triangles[t][k]]];
+        alike = alike && a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > kAlike;  // not where there is no number
+      }
+      out[t] = !alike;
+    }
+  });
+  return out;
+}
+
+/// Folds at the edges of some triangles, as of the whole mesh.
+std::size_t countFoldsAt(const Mesh& mesh, const Triangles& triangles, const std::vector<char>& chosen, Points rest, Points posed) {
+  std::vector<char> corner(mesh.vertexCount(), 0);
+  for (std::size_t t = 0; t < chosen.size(); ++t)
+    if (chosen[t])
+      for (int k = 0; k < 3; ++k) corner[triangles[t][k]] = 1;
+  // Every triangle at an edge between two marked vertices.
+  std::vector<Index> around;
+  for (std::size_t t = 0; t < chosen.size(); ++t) {
+    const Index* c = triangles[t];
+    if (corner[c[0]] + corner[c[1]] + corner[c[2]] >= 2) around.insert(around.end(), c, c + 3);
+  }
+  if (around.empty()) return 0;
+  const Triangles few(around);
+  const EdgeTable table(mesh.vertexCount(), few.corners());
+  return deterministicReduce(
+      table.size(), kGrain, std::size_t{0},
+      [&](std::size_t begin, std::size_t end) {
+        std::size_t folds = 0;
+        for (std::size_t e = begin; e < end; ++e) {
+          const auto [a, b] = table.vertices(e);
+          if (!corner[a] || !corner[b]) continue;
+          const auto after = edgeCosine(table, few, e, posed);
+          if (!after || !(*after < kFoldTo)) continue;
+          const auto before = edgeCosine(table, few, e, rest);
+          folds += before && *before > kFoldFrom;
+        }
+        return folds;
       },
       std::plus<>());
 }
@@ -123,7 +191,8 @@ std::size_t flippedWith(const Mesh& mesh, Points rest, Points posed, std::span<c
 
 std::size_t countFolds(const Mesh& mesh, Points rest, Points posed) {
   checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
-  return countSharp(mesh, rest, posed).folds;
+  const Triangles triangles(mesh);
+  return countFoldsAt(mesh, triangles, mayFold(mesh, triangles, posed), rest, posed);
 }
 
 std::size_t countSharpEdges(const Mesh& mesh, Points positions) {

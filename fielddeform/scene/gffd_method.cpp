@@ -40,8 +40,11 @@ class GffdMethod final : public Method {
     if (!binding_) binding_ = map_->bind(mesh.positions());
   }
 
+  void rebind(const mesh::Mesh& mesh) override { binding_ = map_->bind(mesh.positions()); }
+
   Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) override {
     gffd::Deformed deformed = gffd::deform(mesh, *map_, *binding_, progress);
+    evaluated_ = deformed.evaluation;
     map_ = std::move(deformed.map);
     if (!deformed.retry.empty()) warnings.push_back(deformed.retry);
     if (const std::size_t pierced = map_->countPierced(*binding_); pierced > 0)
@@ -83,6 +86,8 @@ class GffdMethod final : public Method {
     r.method = "gffd";
     r.predictor = gffd::toString(resolved.options.predictor);
     r.predictorReason = resolved.predictorReason;
+    r.evaluation = map_->usesGrid() ? "grid" : "exact";
+    r.evaluated = evaluated_;
     r.referenceRadius = resolved.referenceRadius;
     r.tolerance = resolved.options.tolerance * resolved.referenceRadius;
   }
@@ -155,6 +160,7 @@ class GffdMethod final : public Method {
   Skeletons skeletons_;
   std::shared_ptr<const map::Binding> binding_;
   std::optional<gffd::GffdMap> map_;
+  gffd::EvaluationCounts evaluated_;
   bool radiusWasAutomatic_ = false;
 };
 

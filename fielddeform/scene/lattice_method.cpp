@@ -98,6 +98,8 @@ class LatticeMethod final : public Method {
 
   void bind(const mesh::Mesh& mesh) override { binding_ = chain_->bind(mesh.positions()); }
 
+  void rebind(const mesh::Mesh& mesh) override { bind(mesh); }
+
   Posed track(const mesh::Mesh&, std::vector<std::string>& warnings, Progress& progress) override {
     Posed posed = applied(*chain_, *binding_, progress);
     binding_.reset();

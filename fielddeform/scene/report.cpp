@@ -112,6 +112,13 @@ void writeMoves(JsonWriter& json, const std::vector<map::MoveReport>& moves) {
   json.end();
 }
 
+void writePredictor(JsonWriter& json, const Report& report) {
+  json.beginObject().member("used", report.predictor).member("reason", report.predictorReason);
+  json.key("evaluation").beginObject(JsonLayout::Inline).member("used", report.evaluation);
+  json.member("from_grid", report.evaluated.grid).member("exact", report.evaluated.exact);
+  json.member("corrected_singly", report.evaluated.singly).end().end();
+}
+
 }  // namespace
 
 std::string toJson(const Report& report) {
@@ -121,7 +128,7 @@ std::string toJson(const Report& report) {
   json.key("options").raw(nested(report.options));
   json.member("method", report.method).key("predictor");
   if (report.predictor.empty()) json.null();
-  else json.beginObject().member("used", report.predictor).member("reason", report.predictorReason).end();
+  else writePredictor(json, report);
   json.member("vertices", report.vertices).member("faces", report.faces);
   json.key("status").beginObject(JsonLayout::Inline);
   for (std::size_t s = 0; s < kStatusCount; ++s) json.member(toString(static_cast<Status>(s)), report.status[s]);

@@ -2,6 +2,7 @@
 
 #include <fielddeform/map/sculpt.h>
 #include <fielddeform/core/status.h>
+#include <fielddeform/gffd/evaluation.h>
 #include <fielddeform/volume/local.h>
 
 #include <optional>
@@ -53,6 +54,8 @@ struct Report {
   std::string method = "gffd";        ///< "gffd", "lattice"
   std::string predictor;              ///< the tracker's word; empty for methods that have none
   std::string predictorReason;        ///< why it was chosen
+  std::string evaluation;             ///< "exact", "grid": how its predictions were made
+  gffd::EvaluationCounts evaluated{}; ///< which way the movable vertices of the input went
   std::size_t vertices = 0;           ///< of the output
   std::size_t faces = 0;              ///< of the output
   StatusCounts status{};              ///< adds up to vertices

@@ -2,6 +2,7 @@
 #include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
+#include <fielddeform/mesh/lod.h>
 #include <fielddeform/mesh/measures.h>
 #include <fielddeform/mesh/quality.h>
 #include <fielddeform/scene/detail/method.h>
@@ -38,6 +39,7 @@ class Runner {
     stage("read", [&] { read(); });
     stage(method_->preparation(), [&] { method_->prepare(mesh_); });
     stage("bind", [&] { method_->bind(mesh_); });
+    if (scene_.output.preview > 0) stage("preview", [&] { takeProxy(); });
     stage("track", [&] { posed_ = method_->track(mesh_, result_.report.warnings, progress_); });
     if (scene_.output.affectedAttribute) markAffected();
     if (scene_.resample) stage("resample", [&] { resample(); });
@@ -105,6 +107,23 @@ class Runner {
     if (!(farthest <= kLargest) || (size > 0 && size < kSmallest))
       throw IoError(input_, fmt::format("coordinates up to {:.3g} and a size of {:.3g}, expected sizes from 1e-90 to 1e+90; scale the mesh first",
                                         farthest, size));
+  }
+
+  // A simplified mesh on vertices of the mesh, with the choices made for the whole.
+  void takeProxy() {
+    const std::size_t wanted = scene_.output.preview, whole = mesh_.vertexCount();
+    if (whole <= wanted) return;
+    mesh::Lod lod = mesh::simplify(mesh_, 2 * wanted);
+    lod.mesh.setPositionType(mesh_.positionType());
+    for (auto* values : {&mask_, &volumeMask_}) {
+      if (values->empty()) continue;
+      std::vector<double> chosen;
+      for (const Index v : lod.vertexOf) chosen.push_back((*values)[v]);
+      *values = std::move(chosen);
+    }
+    mesh_ = std::move(lod.mesh);
+    method_->rebind(mesh_);
+    warn(fmt::format("a preview: {} of the mesh's {} vertices, without its attributes", mesh_.vertexCount(), whole));
   }
 
   void resample() {

@@ -21,7 +21,7 @@ struct RunResult {
 /// Runs one scene on one of its inputs: read, skeletons, resolve, bind, track, guard, resample, volume,
 /// normals, report, write.
 /// Files are written at the end, each complete or not at all; nothing is written if anything fails before.
-/// Stages: "read", "skeleton", "bind", "track", "resample", "volume", "report", "write", "picture".
+/// Stages: "read", "skeleton", "bind", "preview", "track", "resample", "volume", "report", "write", "picture".
 /// @throw IoError, std::invalid_argument, InfeasibleError, Cancelled
 RunResult run(const Scene& scene, const RunOptions& options, Progress& progress);
 

@@ -98,6 +98,7 @@ struct Output {
   bool residualAttribute = false;           ///< vertex attribute "residual", world units
   bool displacementAttribute = false;       ///< vertex attribute "displacement", 3 wide, world units
   bool affectedAttribute = false;           ///< vertex attribute "affected": share in [0, 1] that moved lattice nodes carry
+  std::size_t preview = 0;                  ///< deform a proxy of about this many of the mesh's vertices; 0: the mesh. Not in files
   int frames = 0;                           ///< 0: the result alone; n >= 2: that many files from the input (t = 0) to the result (t = 1)
 };
 

@@ -174,10 +174,12 @@ void readFalloff(const JsonValue& value, gffd::Options& tracking) {
 }
 
 void readTracking(const JsonValue& object, gffd::Options& t) {
-  object.allowKeys({"predictor", "corrector", "tolerance", "max_iterations", "falloff", "guard", "strict_value",
+  object.allowKeys({"predictor", "evaluation", "corrector", "tolerance", "max_iterations", "falloff", "guard", "strict_value",
                     "substeps", "retry", "midpoint", "warp_pairs"});
   if (const auto word = given(object, "predictor"))
     t.predictor = static_cast<gffd::Predictor>(word->word({"auto", "mls", "axial", "warp", "gradient"}));
+  if (const auto word = given(object, "evaluation"))
+    t.evaluation = static_cast<gffd::Evaluation>(word->word({"auto", "exact", "grid"}));
   setFlag(object, "corrector", t.corrector);
   if (const auto tolerance = given(object, "tolerance")) t.tolerance = tolerance->positive();
   if (const auto n = given(object, "max_iterations")) t.maxIterations = static_cast<int>(n->integer(1, 100000));

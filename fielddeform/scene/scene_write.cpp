@@ -126,6 +126,7 @@ void writeTracking(JsonWriter& json, const gffd::Options& t) {
   writeDistance(json, t.field.distance);
   json.member("potential", skeleton::toString(t.field.potential)).member("sharpness", t.field.sharpness).end();
   json.key("tracking").beginObject(JsonLayout::Inline).member("predictor", gffd::toString(t.predictor));
+  json.member("evaluation", gffd::toString(t.evaluation));
   json.member("corrector", t.corrector).member("tolerance", t.tolerance).member("max_iterations", t.maxIterations);
   json.key("falloff");
   if (t.falloff == gffd::Falloff::On) json.value(t.falloffBand);

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
+#include <set>
+#include <sstream>
 #include <thread>
 
 #include "program.h"
@@ -61,6 +63,31 @@ TEST_F(Deform, AMovedSkeletonMovesTheMesh) {
   const std::string out = read("out.ply");
   EXPECT_NE(out.find("\n2 0 0 200 0 30\n"), std::string::npos) << out.substr(0, 600);
   EXPECT_NE(out.find("\n2.25 0.25 4 200 20 30\n"), std::string::npos) << out.substr(0, 600);
+}
+
+TEST_F(Deform, APreviewsVerticesGoWhereTheyGoInTheWholeMesh) {
+  writeFile(folder / "long.ply", barPly(500));
+  const std::vector<std::string> bend{"bend", "long.ply", "--angle", "40", "--no-guard", "--no-retry", "--evaluation", "grid", "-o"};
+  const auto with = [&](std::vector<std::string> more) {
+    std::vector<std::string> arguments = bend;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return call(arguments);
+  };
+  ASSERT_EQ(with({"whole.obj"}).code, 0);
+  const Result preview = with({"proxy.obj", "--preview", "60"});
+  ASSERT_EQ(preview.code, 0) << preview.err;
+  EXPECT_NE((preview.out + preview.err).find("a preview: "), std::string::npos);
+  const auto vertices = [&](const std::string& name) {
+    std::set<std::string> places;  // without colours, which a preview has not
+    std::istringstream text(read(name));
+    for (std::string line, v, x, y, z; std::getline(text, line);)
+      if (std::istringstream(line) >> v >> x >> y >> z && v == "v") places.insert(x + ' ' + y + ' ' + z);
+    return places;
+  };
+  const auto whole = vertices("whole.obj"), proxy = vertices("proxy.obj");
+  EXPECT_GT(proxy.size(), 8u);
+  EXPECT_LT(proxy.size(), 200u);
+  for (const std::string& v : proxy) EXPECT_TRUE(whole.contains(v)) << v;
 }
 
 TEST_F(Deform, SizesWhoseCubesAreNoNumbersAndEndlessAnglesAreRefused) {

@@ -30,6 +30,28 @@ TEST(Folds, AreCountedPerEdgeOfTheCrease) {
   EXPECT_EQ(countFolds(m, rest, moved(Mesh(rest, m.corners()), kMotion)), 0u);
 }
 
+TEST(Folds, AreFoundWithoutLookingAtEveryEdge) {
+  // countFolds skips what is certainly smooth, compareQuality does not. Smooth where x < 0.4, torn beyond; some faces turned.
+  const Mesh m = grid(20);
+  std::vector<Index> corners = m.corners();
+  for (std::size_t t = 0; t < corners.size() / 3; t += 17) std::swap(corners[3 * t], corners[3 * t + 1]);
+  corners.insert(corners.end(), {0, 1, 30, 0, 1, 31});  // an edge of more than two triangles
+  const Mesh mixed(m.positions(), corners);
+  for (const double noise : {0.0, 0.02, 0.05, 0.2}) {
+    std::uint64_t k = 0;
+    const auto posed = moved(m, [&](const Vec3& p) {
+      const double much = p.x() < 0.4 ? 0.01 * noise : noise;
+      const auto random = [&] { return much * (uniform01(7, k++) - 0.5); };
+      return Vec3(p.x() + random(), p.y() + random(), p.z() + random());
+    });
+    const std::size_t folds = compareQuality(mixed, mixed.positions(), posed).folds;
+    EXPECT_EQ(countFolds(mixed, mixed.positions(), posed), folds) << noise;
+    if (noise > 0.1) {
+      EXPECT_GT(folds, 10u);
+    }
+  }
+}
+
 TEST(Folds, OfAQuadAcrossItsDiagonalAreSeen) {
   const Mesh quad({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {0, 1, 2, 3}, {0, 4});
   auto posed = quad.positions();
@@ -55,6 +77,7 @@ TEST(Folds, LeaveDegenerateAndNonFiniteTrianglesAside) {
   EXPECT_EQ(q.degenerateRest, 0u);
   posed = foldedGrid(m, 3.0);
   posed[0].x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(compareQuality(m, m.positions(), posed).folds, 1u);
   EXPECT_EQ(countFolds(m, m.positions(), posed), 1u) << "of two, one has a triangle with the vertex";
 }
 

@@ -141,6 +141,7 @@ TEST(SceneFile, EveryEntrySurvives) {
   scene.tracking.guard = false;
   scene.tracking.strictValue = true;
   scene.tracking.substeps = 3;
+  scene.tracking.evaluation = gffd::Evaluation::Grid;
   scene.tracking.retry = false;
   scene.tracking.midpointValue = gffd::MidpointValue::Mean;
   scene.tracking.radius = 0.1;

@@ -111,6 +111,8 @@ void printResult(const Job& job, const scene::RunResult& result, Terminal& termi
   if (r.insertedVertices > 0) row("inserted", fmt::format("{} vertices", r.insertedVertices));
   if (!r.predictor.empty()) {
     row("tracking", fmt::format("{}: {}", r.predictor, r.predictorReason));
+    if (r.evaluation == "grid")
+      row("predicted", fmt::format("{} vertices from a grid, {} exact", r.evaluated.grid, r.evaluated.exact));
     row("radius", fmt::format("{:.6g}{}", r.referenceRadius, result.radiusWasAutomatic ? " (automatic)" : ""));
     row("residual", fmt::format("{:.3g} at most, tolerance {:.3g}", r.residual.max, r.tolerance));
   }

@@ -34,6 +34,9 @@ void addTracking(CLI::App& command, BatchOptions& options) {
   command.add_option("--warp-pairs", options.warpPairs,
                      "As --track warp, by these points: a line each, X Y Z and X Y Z of where it goes")
       ->type_name("FILE")->group(group);
+  addWord(command, "--evaluation", {"auto", "exact", "grid"},
+          [&tracking](std::size_t i) { tracking.evaluation = static_cast<gffd::Evaluation>(i); },
+          "Predict every vertex by itself, or from a grid (default: auto, a grid where there are many vertices)")->group(group);
   command.add_flag_callback("--no-corrector", [&tracking] { tracking.corrector = false; },
                             "Do not bring vertices back to their field value")->group(group);
   command.add_option("--tolerance", tracking.tolerance, "Residual of a converged vertex, in radii (default: 1e-4)")
@@ -155,6 +158,8 @@ void addOutput(CLI::App& command, BatchOptions& options, Method method) {
       ->type_name("LIST")->delimiter(',')->check(method == Method::Lattice ? oneOf({"status", "residual", "displacement", "affected"})
                                         : oneOf({"status", "residual", "displacement"}))
       ->allow_extra_args(false)->group(group);
+  command.add_option("--preview", output.preview, "Deform a proxy of about N vertices of the mesh instead of the mesh")
+      ->type_name("N")->check(within(4, 4e9))->group(group);
   command.add_option("--frames", output.frames, "Write a sequence of N meshes from the input to the result")
       ->type_name("N")->check(within(2, 100000))->group(group);
   command.add_option("--save-scene", options.saveScene, "Write the scene with every choice made, for fielddeform run")

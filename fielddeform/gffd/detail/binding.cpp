@@ -19,6 +19,7 @@ std::shared_ptr<const Embedding> makeEmbedding(const skeleton::SkeletonPair& pai
   e->radius = e->field->referenceRadius();
   const MovingPart part = movingPart(pair);
   e->movingIndex = part.restIndex;
+  e->cells = CellFrame::of(part.rest);
   if (part.rest.primitives.size() == pair.rest.primitives.size()) e->moving = e->field;
   else if (!part.rest.primitives.empty()) e->moving = std::make_shared<const field::Field>(part.rest, options);
   return e;
@@ -26,6 +27,13 @@ std::shared_ptr<const Embedding> makeEmbedding(const skeleton::SkeletonPair& pai
 
 Value GffdBinding::value(std::size_t i) const {
   return {level[i], share.empty() ? shareOf(level[i]) : share[i]};
+}
+
+const CellOrder& GffdBinding::cells() const {
+  std::call_once(ordered_, [this] {
+    cells_ = orderByCell(*embedding->cells, rest, [this](std::size_t i) { return movable(i); });
+  });
+  return cells_;
 }
 
 Value bindOne(const Embedding& e, const Vec3& point) {

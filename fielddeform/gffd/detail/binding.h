@@ -3,6 +3,7 @@
 #include <fielddeform/gffd/detail/stage.h>
 #include <fielddeform/map/space_map.h>
 
+#include <mutex>
 #include <vector>
 
 namespace fielddeform::gffd::detail {
@@ -18,6 +19,12 @@ struct GffdBinding final : map::Binding {
   std::size_t size() const override { return rest.size(); }
   bool movable(std::size_t i) const { return level[i] == level[i]; }
   Value value(std::size_t i) const;
+  /// The movable points by cell of the embedding's frame, which must exist. Made when first asked for.
+  const CellOrder& cells() const;
+
+ private:
+  mutable std::once_flag ordered_;
+  mutable CellOrder cells_;
 };
 
 std::shared_ptr<GffdBinding> bindPoints(std::shared_ptr<const Embedding> embedding, Points rest);

@@ -37,6 +37,20 @@ Stage::Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, con
   for (const auto& p : part.rest.primitives)
     levelBoundsNearness_ = levelBoundsNearness_ && p.weight >= 1 &&
                            p.potential.value_or(options.field.potential) == skeleton::Potential::Exponential;
+  if (options.evaluation == Evaluation::Grid && !rigid_) makeGrid(embedding, pair.posed);
+}
+
+void Stage::makeGrid(const Embedding& embedding, const skeleton::Skeleton& posed) {
+  const bool interpolates = options_.predictor == Predictor::Mls || options_.predictor == Predictor::Axial;
+  if (!embedding.cells || !interpolates || options_.substeps != 1) return;
+  // At a node nothing is known of the field's value: the distance to the skeleton is always asked for.
+  constexpr double kUnknown = -1;
+  grid_ = std::make_unique<const DisplacementGrid>(
+      *embedding.cells,
+      DisplacementGrid::Source{.displacement = [this](const Vec3& p) -> Vec3 { return motionAt(p, kUnknown).translation; },
+                               .nearness = [this](const Vec3& p) { return axial_->nearness(p); },
+                               .tolerance = tolerance_});
+  lines_ = LinesField::of(posed, options_.field, radius_);
 }
 
 void Stage::findRigid(const skeleton::SampledPair& samples, const MovingPart& part, const skeleton::SkeletonPair& pair) {
@@ -137,6 +151,10 @@ Tracked Stage::track(const Vec3& rest, const Value& value) const {
     const bool met = r <= tolerance_ || options_.field.distance.kind != field::Distance::Exact;
     return {predicted, predicted, met ? Status::Converged : Status::Stalled, r};
   }
+  return settle(predicted, value, w);
+}
+
+Tracked Stage::settle(const Vec3& predicted, const Value& value, double w) const {
   return correct(predicted, target(predicted, value, w));
 }
 

@@ -2,6 +2,8 @@
 
 #include <fielddeform/gffd/detail/axial.h>
 #include <fielddeform/gffd/detail/correspondence.h>
+#include <fielddeform/gffd/detail/displacement_grid.h>
+#include <fielddeform/gffd/detail/lines_field.h>
 #include <fielddeform/gffd/detail/mls.h>
 #include <fielddeform/gffd/options.h>
 
@@ -16,6 +18,7 @@ struct Embedding {
   std::shared_ptr<const field::Field> moving;  ///< of its moving part; the same object if nothing is removed; may be null
   std::vector<Index> movingIndex;              ///< the rest primitives that are not removed
   double radius = 0;                           ///< R of `field`
+  std::optional<CellFrame> cells;              ///< of the moving part; absent where there can be none
 };
 
 /// One vertex on its way: where it was predicted, where it ended, and how well.
@@ -35,11 +38,17 @@ struct Value {
 class Stage {
  public:
   Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, const Options& options);
+  Stage(const Stage&) = delete;
+  Stage& operator=(const Stage&) = delete;
 
   /// The motion of space near a point, by the predictor.
   /// @param level  the point's D / R; saves a search where it alone tells that the skeleton is far
   LocalMotion motionAt(const Vec3& point, double level) const;
   Tracked track(const Vec3& rest, const Value& value) const;
+  /// The prediction of a point whose falloff leaves it `weight`.
+  Vec3 predict(const Vec3& rest, const Value& value, double weight) const;
+  /// Corrects a finite prediction.
+  Tracked settle(const Vec3& predicted, const Value& value, double weight) const;
   /// |D - D*| at a position of a point that started at `rest`.
   double residual(const Vec3& rest, const Value& value, const Vec3& position) const;
 
@@ -48,11 +57,18 @@ class Stage {
   bool hasFalloff() const noexcept { return options_.falloff == Falloff::On && !options_.strictValue; }
 
   const field::Field& posedField() const noexcept { return *posed_; }
+  double radius() const noexcept { return radius_; }        ///< R of the posed field
+  double tolerance() const noexcept { return tolerance_; }  ///< world
+  bool corrects() const noexcept { return options_.corrector; }
+  /// The predictor's grid; null where every point is predicted by itself.
+  const DisplacementGrid* grid() const noexcept { return grid_.get(); }
+  /// The posed field by blocks; null if it is of another kind.
+  const LinesField* lines() const noexcept { return lines_ ? &*lines_ : nullptr; }
   /// A rigid motion that carries the whole moving part to 1e-12 of its size, if there is one.
   const std::optional<Rigid>& rigid() const noexcept { return rigid_; }
 
  private:
-  Vec3 predict(const Vec3& rest, const Value& value, double weight) const;
+  void makeGrid(const Embedding& embedding, const skeleton::Skeleton& posed);
   double target(const Vec3& predicted, const Value& value, double weight) const;
   Tracked correct(const Vec3& predicted, double target) const;
   void findRigid(const skeleton::SampledPair& samples, const MovingPart& part, const skeleton::SkeletonPair& pair);
@@ -62,6 +78,8 @@ class Stage {
   std::optional<MlsPredictor> mls_;
   std::optional<AxialPredictor> axial_;
   std::optional<Rigid> rigid_;
+  std::unique_ptr<const DisplacementGrid> grid_;
+  std::optional<LinesField> lines_;
   double radius_ = 0;     // R of the posed field
   double tolerance_ = 0;  // world
   bool levelBoundsNearness_ = false;

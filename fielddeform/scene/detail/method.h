@@ -27,6 +27,8 @@ class Method {
   virtual void prepare(const mesh::Mesh& mesh) = 0;
   /// Makes the choices that look at the mesh, and binds it.
   virtual void bind(const mesh::Mesh& mesh) = 0;
+  /// Binds another mesh in place of the bound one; the choices stay.
+  virtual void rebind(const mesh::Mesh& mesh) = 0;
   /// #V: the share of each vertex that nodes carry which were moved; empty for methods without nodes.
   virtual std::vector<float> affected() const { return {}; }
   /// Deforms the bound mesh; forgets its binding.

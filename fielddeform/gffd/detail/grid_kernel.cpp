@@ -1,0 +1,206 @@
+#include <fielddeform/core/detail/simd.h>
+#include <fielddeform/gffd/detail/grid_kernel.h>
+#include <fielddeform/numeric/elementary.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace fielddeform::gffd::detail {
+namespace {
+
+using fielddeform::detail::SimdLevel;
+using fielddeform::detail::simdLevel;
+
+typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
+typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
+
+struct Baseline {
+  using Pack = Two;
+};
+struct Avx2 {
+  using Pack = Four;
+};
+struct Avx512 {
+  using Pack = Eight;
+};
+
+// Lagrange's cubic through f at -1, 0, 1, 2 in powers of t, for n neighbouring columns; differences first, so that equal
+// values give exactly a constant.
+FIELDDEFORM_SIMD_INLINE void powers(double* f, std::size_t stride, std::size_t n) {
+  for (std::size_t i = 0; i < n; ++i) {
+    const double a = f[i], b = f[stride + i], c = f[2 * stride + i], d = f[3 * stride + i];
+    const double step = c - b;
+    const double third = ((d - a) - 3 * step) * (1.0 / 6);
+    const double second = ((a - b) + step) * 0.5;
+    f[i] = b;
+    f[stride + i] = (step - second) - third;
+    f[2 * stride + i] = second;
+    f[3 * stride + i] = third;
+  }
+}
+
+struct NodesTask {
+  double* cell;
+};
+
+template <class L>
+FIELDDEFORM_SIMD_INLINE void nodesKernel(const NodesTask& task) {
+  powers(task.cell, 48, 48);
+  for (std::size_t i = 0; i < 4; ++i) powers(task.cell + 48 * i, 12, 12);
+  for (std::size_t i = 0; i < 16; ++i) powers(task.cell + 12 * i, 3, 3);
+}
+
+struct CubicTask {
+  const double* cell;
+  std::size_t count;
+  const double *u, *v, *w;
+  double *x, *y, *z;
+};
+
+// Horner on three axes. Coefficient of u^i v^j w^k, component e: cell[48 i + 12 j + 3 k + e].
+template <class L>
+FIELDDEFORM_SIMD_INLINE void cubicKernel(const CubicTask& task) {
+  using Pack = typename L::Pack;
+  constexpr std::size_t lanes = sizeof(Pack) / 8;
+  const double* cell = task.cell;
+  for (std::size_t p = 0; p < task.count; p += lanes) {
+    const Pack u = *reinterpret_cast<const Pack*>(task.u + p), v = *reinterpret_cast<const Pack*>(task.v + p),
+               w = *reinterpret_cast<const Pack*>(task.w + p);
+    Pack sum[3] = {};
+    for (int i = 3; i >= 0; --i) {
+      Pack plane[3] = {};
+      for (int j = 3; j >= 0; --j) {
+        const double* c = cell + 48 * i + 12 * j;
+        for (int e = 0; e < 3; ++e) plane[e] = plane[e] * v + (((c[9 + e] * w + c[6 + e]) * w + c[3 + e]) * w + c[e]);
+      }
+      for (int e = 0; e < 3; ++e) sum[e] = sum[e] * u + plane[e];
+    }
+    *reinterpret_cast<Pack*>(task.x + p) = sum[0];
+    *reinterpret_cast<Pack*>(task.y + p) = sum[1];
+    *reinterpret_cast<Pack*>(task.z + p) = sum[2];
+  }
+}
+
+struct OneTask {
+  const LineHits& hits;
+  double radius, reference;
+  LineValues& out;
+};
+
+template <class L>
+FIELDDEFORM_SIMD_INLINE void oneKernel(const OneTask& task) {
+  const LineHits& h = task.hits;
+  LineValues& o = task.out;
+  const double slope = task.reference / task.radius;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const double d = std::sqrt(h.square[i]);
+    const double s = slope / d;
+    o.value[i] = task.reference * (d / task.radius);
+    o.gx[i] = h.x[i] * s;
+    o.gy[i] = h.y[i] * s;
+    o.gz[i] = h.z[i] * s;
+  }
+}
+
+struct AddTask {
+  const LineHits& hits;
+  const LineTerm& term;
+  double sharpness, end;
+  LineSums& sums;
+};
+
+template <class L>
+FIELDDEFORM_SIMD_INLINE void addKernel(const AddTask& task) {
+  const LineHits& h = task.hits;
+  LineSums& s = task.sums;
+  const double r = task.term.radius, weight = task.term.weight, k = task.sharpness, end = task.end;
+  const double plain = task.term.plain ? 1 : 0, inverse = 1 / r;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const double d = std::sqrt(h.square[i]);
+    const double f = d / r, x = k * f;
+    const double e = numeric::exp(-x);
+    const double add = weight * (e - end);
+    const bool reaches = add > 0 && x < k;
+    const double n = inverse / d;
+    const double gx = h.x[i] * n, gy = h.y[i] * n, gz = h.z[i] * n, slope = weight * e;
+    s.sum[i] += reaches ? add : 0;
+    s.gx[i] += reaches ? slope * gx : 0;
+    s.gy[i] += reaches ? slope * gy : 0;
+    s.gz[i] += reaches ? slope * gz : 0;
+    s.active[i] += reaches ? 1.0 : 0.0;
+    s.plain[i] = reaches ? plain : s.plain[i];
+    s.only[i] = reaches ? f : s.only[i];
+    s.ox[i] = reaches ? gx : s.ox[i];
+    s.oy[i] = reaches ? gy : s.oy[i];
+    s.oz[i] = reaches ? gz : s.oz[i];
+  }
+}
+
+struct FinishTask {
+  const LineSums& sums;
+  double sharpness, end, slopeFloor, reference;
+  LineValues& out;
+};
+
+template <class L>
+FIELDDEFORM_SIMD_INLINE void finishKernel(const FinishTask& task) {
+  const LineSums& s = task.sums;
+  LineValues& o = task.out;
+  const double k = task.sharpness, reference = task.reference, floor = task.slopeFloor;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    const double total = s.sum[i] + task.end;
+    const double x = -numeric::log(total);
+    double steepness = total;
+    steepness = 2 * x < k && steepness < floor ? floor : steepness;
+    const double slope = reference / steepness;
+    const bool single = s.active[i] * s.plain[i] == 1;
+    const double value = single ? reference * s.only[i] : reference * (x / k);
+    o.value[i] = s.active[i] > 0 ? value : std::numeric_limits<double>::quiet_NaN();
+    o.gx[i] = single ? reference * s.ox[i] : slope * s.gx[i];
+    o.gy[i] = single ? reference * s.oy[i] : slope * s.gy[i];
+    o.gz[i] = single ? reference * s.oz[i] : slope * s.gz[i];
+  }
+}
+
+#define FIELDDEFORM_LEVELS(name, Task, kernel)                                         \
+  void name##Baseline(const Task& task) { kernel<Baseline>(task); }                    \
+  FIELDDEFORM_SIMD_AVX2 void name##Avx2(const Task& task) { kernel<Avx2>(task); }      \
+  FIELDDEFORM_SIMD_AVX512 void name##Avx512(const Task& task) { kernel<Avx512>(task); } \
+  void name(const Task& task) {                                                        \
+    switch (simdLevel()) {                                                             \
+      case SimdLevel::Avx512: return name##Avx512(task);                               \
+      case SimdLevel::Avx2: return name##Avx2(task);                                   \
+      case SimdLevel::Baseline: return name##Baseline(task);                           \
+    }                                                                                  \
+  }
+
+FIELDDEFORM_LEVELS(runNodes, NodesTask, nodesKernel)
+FIELDDEFORM_LEVELS(runCubic, CubicTask, cubicKernel)
+FIELDDEFORM_LEVELS(runOne, OneTask, oneKernel)
+FIELDDEFORM_LEVELS(runAdd, AddTask, addKernel)
+FIELDDEFORM_LEVELS(runFinish, FinishTask, finishKernel)
+
+#undef FIELDDEFORM_LEVELS
+
+}  // namespace
+
+void cubicFromNodes(double* cell) { runNodes({cell}); }
+
+void cubicAt(const double* cell, std::size_t count, const double* u, const double* v, const double* w, double* x, double* y,
+             double* z) {
+  runCubic({cell, count, u, v, w, x, y, z});
+}
+
+void oneLine(const LineHits& hits, double radius, double reference, LineValues& out) { runOne({hits, radius, reference, out}); }
+
+void addLine(const LineHits& hits, const LineTerm& term, double sharpness, double end, LineSums& sums) {
+  runAdd({hits, term, sharpness, end, sums});
+}
+
+void finishLines(const LineSums& sums, double sharpness, double end, double slopeFloor, double reference, LineValues& out) {
+  runFinish({sums, sharpness, end, slopeFloor, reference, out});
+}
+
+}  // namespace fielddeform::gffd::detail
