@@ -213,14 +213,4 @@ class LatticeMethod final : public Method {
 
 std::unique_ptr<Method> makeLatticeMethod(const Scene& scene) { return std::make_unique<LatticeMethod>(scene); }
 
-std::unique_ptr<Method> makeMethod(const Scene& scene) {
-  return scene.lattices.empty() ? makeGffdMethod(scene) : makeLatticeMethod(scene);
-}
-
 }  // namespace fielddeform::scene::detail
-
-namespace fielddeform::scene {
-
-std::string_view methodOf(const Scene& scene) noexcept { return scene.lattices.empty() ? "gffd" : "lattice"; }
-
-}  // namespace fielddeform::scene

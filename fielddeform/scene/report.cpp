@@ -129,6 +129,12 @@ std::string toJson(const Report& report) {
   json.member("method", report.method).key("predictor");
   if (report.predictor.empty()) json.null();
   else writePredictor(json, report);
+  if (report.fit) {
+    json.key("fit").beginObject(JsonLayout::Inline).member("found", report.fit->found).member("pairs", report.fit->pairs);
+    writeNumber(json, "rms", report.fit->rms);
+    writeNumber(json, "max", report.fit->max);
+    json.end();
+  }
   json.member("vertices", report.vertices).member("faces", report.faces);
   json.key("status").beginObject(JsonLayout::Inline);
   for (std::size_t s = 0; s < kStatusCount; ++s) json.member(toString(static_cast<Status>(s)), report.status[s]);

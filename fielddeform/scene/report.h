@@ -17,6 +17,14 @@ struct MaxAndP99 {
   double p99 = 0;  ///< 99 of 100 values are not larger (nearest rank)
 };
 
+/// What a method with parameters of its own found in the skeleton's motion.
+struct FitReport {
+  std::string found;     ///< a few words: "bend by 90 degrees", "120 centres", "4 x 4 x 10 nodes"
+  std::size_t pairs = 0; ///< skeleton points that it is measured on
+  double rms = 0;        ///< miss of those points, world units
+  double max = 0;
+};
+
 /// What the volume pass was and did.
 struct VolumePassReport {
   volume::LocalOptions options;
@@ -51,11 +59,12 @@ struct RunFacts {
 /// What a run did. docs/report.md explains every entry.
 struct Report {
   std::string options;                ///< JSON object: the scene that was run, every choice resolved, without paths
-  std::string method = "gffd";        ///< "gffd", "lattice"
+  std::string method = "gffd";        ///< methodOf() the scene
   std::string predictor;              ///< the tracker's word; empty for methods that have none
   std::string predictorReason;        ///< why it was chosen
   std::string evaluation;             ///< "exact", "grid": how its predictions were made
   gffd::EvaluationCounts evaluated{}; ///< which way the movable vertices of the input went
+  std::optional<FitReport> fit{};     ///< absent for methods that fit nothing
   std::size_t vertices = 0;           ///< of the output
   std::size_t faces = 0;              ///< of the output
   StatusCounts status{};              ///< adds up to vertices

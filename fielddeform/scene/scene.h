@@ -5,6 +5,7 @@
 #include <fielddeform/map/move_io.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/resample/refine.h>
+#include <fielddeform/scene/methods.h>
 #include <fielddeform/skeleton/edit.h>
 #include <fielddeform/skeleton/skeleton.h>
 #include <fielddeform/volume/local.h>
@@ -106,7 +107,10 @@ struct Scene {
   std::uint64_t seed = 0;
   std::vector<std::filesystem::path> inputs;  ///< at least one
   mesh::ReadOptions read;
-  std::vector<LatticeStep> lattices;          ///< method "lattice": one after the other; empty: method "gffd" by skeleton
+  std::vector<LatticeStep> lattices;          ///< method "lattice" by given lattices, one after the other; empty: by skeleton
+  MethodKind method = MethodKind::Gffd;       ///< by skeleton
+  std::optional<std::array<int, 3>> latticeNodes;  ///< of the lattice that is fitted to the skeleton; absent: by the box
+  std::optional<double> wireBlend = 1;        ///< m >= 0: how several wires share a point (map/wires.h); absent: their sum
   RestSource rest;
   std::optional<PosedSource> posed;           ///< a posed skeleton, or edits; not both
   std::vector<skeleton::NamedPair> pairs;
@@ -121,7 +125,7 @@ struct Scene {
   std::string extras;                         ///< JSON object passed through; may be empty
 };
 
-/// The method's word: "gffd", "lattice".
+/// The method's word: "lattice" for given lattices, else that of the method by skeleton.
 std::string_view methodOf(const Scene& scene) noexcept;
 
 /// Reads a scene file. Paths in the result are relative to the scene's folder no more: they are prefixed with it.

@@ -153,7 +153,11 @@ void readDistance(const JsonValue& object, field::DistanceOptions& d) {
   if (const auto smoothing = given(object, "smoothing")) d.variational.smoothing = smoothing->inRange(0, 1e12);
 }
 
-void readField(const JsonValue& object, field::FieldOptions& field) {
+void readField(const JsonValue& object, MethodKind method, field::FieldOptions& field) {
+  if (!takes(method, MethodOption::Tracking)) {
+    object.allowKeys({"distance", "potential", "sharpness"});
+    if (const auto kind = given(object, "distance")) kind->word({"exact"});
+  }
   object.allowKeys({"distance", "potential", "sharpness", "voxel", "distance_tolerance", "sampling", "memory_mb", "centres",
                     "smoothing"});
   readDistance(object, field.distance);
@@ -173,7 +177,8 @@ void readFalloff(const JsonValue& value, gffd::Options& tracking) {
   tracking.falloff = static_cast<gffd::Falloff>(value.word({"auto", "on", "off"}));
 }
 
-void readTracking(const JsonValue& object, gffd::Options& t) {
+void readTracking(const JsonValue& object, MethodKind method, gffd::Options& t) {
+  if (!takes(method, MethodOption::Tracking)) object.allowKeys({"falloff"});
   object.allowKeys({"predictor", "evaluation", "corrector", "tolerance", "max_iterations", "falloff", "guard", "strict_value",
                     "substeps", "retry", "midpoint", "warp_pairs"});
   if (const auto word = given(object, "predictor"))
@@ -260,13 +265,43 @@ Check readCheck(const JsonValue& object) {
   return check;
 }
 
-// What deforms: a skeleton and its edits, or lattices. Keys of the other method are refused, not ignored.
-void readMethod(const JsonValue& root, const fs::path& folder, Scene& scene) {
-  const auto method = given(root, "method");
-  const bool lattice = method && method->word({"gffd", "lattice"}) == 1;
-  for (const char* key : lattice ? std::vector{"skeleton", "edits", "symmetry", "field", "tracking"} : std::vector{"lattices"})
+void readWireBlend(const JsonValue& value, Scene& scene) {
+  if (value.kind() == JsonKind::Number) {
+    scene.wireBlend = value.inRange(0, 100);
+  } else {
+    value.word({"sum"});
+    scene.wireBlend.reset();
+  }
+}
+
+// Keys that the method has no use for are refused, not ignored. A lattice is given, or fitted to a skeleton.
+void refuseKeys(const JsonValue& root, MethodKind method, bool givenLattices) {
+  std::vector<const char*> useless;
+  if (givenLattices) useless = {"skeleton", "edits", "symmetry"};
+  else if (method != MethodKind::Lattice) useless = {"lattices"};
+  const auto unless = [&](MethodOption option, const char* key) {
+    if (givenLattices || !takes(method, option)) useless.push_back(key);
+  };
+  unless(MethodOption::Potential, "field");
+  unless(MethodOption::Falloff, "tracking");
+  unless(MethodOption::Nodes, "nodes");
+  unless(MethodOption::WireBlend, "wire_blend");
+  for (const char* key : useless)
     if (const auto other = given(root, key))
-      other->fail(fmt::format("\"{}\"", key), fmt::format("no such key with the method \"{}\"", lattice ? "lattice" : "gffd"));
+      other->fail(fmt::format("\"{}\"", key), fmt::format("no such key with the method \"{}\"", toString(method)));
+}
+
+// What deforms: a skeleton and its edits, or lattices.
+void readMethod(const JsonValue& root, const fs::path& folder, Scene& scene) {
+  if (const auto method = given(root, "method")) {
+    std::vector<std::string_view> words;
+    for (const MethodInfo& info : methods()) words.push_back(info.word);
+    scene.method = static_cast<MethodKind>(method->word(words));
+  }
+  const bool lattice = scene.method == MethodKind::Lattice && !given(root, "skeleton");
+  refuseKeys(root, scene.method, lattice || given(root, "lattices"));
+  if (const auto nodes = given(root, "nodes")) scene.latticeNodes = readNodeNumbers(*nodes, 2, 64);
+  if (const auto blend = given(root, "wire_blend")) readWireBlend(*blend, scene);
   if (lattice) {
     const JsonValue lattices = root.require("lattices");
     for (const JsonValue step : lattices.array()) scene.lattices.push_back(readLatticeStep(step, folder));
@@ -291,8 +326,8 @@ void readParts(const JsonValue& root, const fs::path& folder, Scene& scene) {
   setFlag(root, "weld", weld);
   if (weld) scene.read.weld = mesh::Weld::Exact;
   if (const auto symmetry = given(root, "symmetry")) scene.symmetry = static_cast<Axis>(symmetry->word({"x", "y", "z"}));
-  if (const auto field = given(root, "field")) readField(*field, scene.tracking.field);
-  if (const auto tracking = given(root, "tracking")) readTracking(*tracking, scene.tracking);
+  if (const auto field = given(root, "field")) readField(*field, scene.method, scene.tracking.field);
+  if (const auto tracking = given(root, "tracking")) readTracking(*tracking, scene.method, scene.tracking);
   if (const auto resample = given(root, "resample")) scene.resample = readResample(*resample);
   if (const auto volume = given(root, "volume")) scene.volume = detail::readVolumePass(*volume, folder);
   if (const auto mask = given(root, "mask")) scene.mask = readMask(*mask, folder);
@@ -312,7 +347,7 @@ void checkTogether(const JsonValue& root, const Scene& scene) {
 Scene sceneOf(const JsonDocument& document) {
   document.requireFormat("fielddeform-scene", 1);
   const JsonValue root = document.root();
-  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "lattices", "skeleton", "edits", "symmetry",
+  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "nodes", "wire_blend", "lattices", "skeleton", "edits", "symmetry",
                   "field", "tracking", "resample", "volume", "mask", "output", "check", "extras"});
   Scene scene;
   readParts(root, document.path().parent_path(), scene);

@@ -121,16 +121,23 @@ void writeDistance(JsonWriter& json, const field::DistanceOptions& d) {
   }
 }
 
-void writeTracking(JsonWriter& json, const gffd::Options& t) {
+void writeField(JsonWriter& json, const gffd::Options& t) {
   json.key("field").beginObject(JsonLayout::Inline);
   writeDistance(json, t.field.distance);
   json.member("potential", skeleton::toString(t.field.potential)).member("sharpness", t.field.sharpness).end();
-  json.key("tracking").beginObject(JsonLayout::Inline).member("predictor", gffd::toString(t.predictor));
-  json.member("evaluation", gffd::toString(t.evaluation));
-  json.member("corrector", t.corrector).member("tolerance", t.tolerance).member("max_iterations", t.maxIterations);
+}
+
+void writeFalloff(JsonWriter& json, const gffd::Options& t) {
   json.key("falloff");
   if (t.falloff == gffd::Falloff::On) json.value(t.falloffBand);
   else json.value(t.falloff == gffd::Falloff::Auto ? "auto" : "off");
+}
+
+void writeTracking(JsonWriter& json, const gffd::Options& t) {
+  json.key("tracking").beginObject(JsonLayout::Inline).member("predictor", gffd::toString(t.predictor));
+  json.member("evaluation", gffd::toString(t.evaluation));
+  json.member("corrector", t.corrector).member("tolerance", t.tolerance).member("max_iterations", t.maxIterations);
+  writeFalloff(json, t);
   json.member("guard", t.guard).member("strict_value", t.strictValue).member("substeps", t.substeps);
   json.member("retry", t.retry);
   json.member("midpoint", t.midpointValue == gffd::MidpointValue::Mean ? "mean" : "sampled");
@@ -148,7 +155,23 @@ void writeSkeletonMethod(JsonWriter& json, const Scene& scene, const fs::path* f
   for (const auto& edit : scene.edits) skeleton::editToJson(edit, json);
   json.end();
   if (scene.symmetry) json.member("symmetry", toString(*scene.symmetry));
-  writeTracking(json, scene.tracking);
+  if (scene.latticeNodes && takes(scene.method, MethodOption::Nodes)) {
+    json.key("nodes").beginArray(JsonLayout::Inline);
+    for (const int n : *scene.latticeNodes) json.value(n);
+    json.end();
+  }
+  if (takes(scene.method, MethodOption::WireBlend)) {
+    if (scene.wireBlend) json.member("wire_blend", *scene.wireBlend);
+    else json.member("wire_blend", "sum");
+  }
+  if (takes(scene.method, MethodOption::Potential)) writeField(json, scene.tracking);
+  if (takes(scene.method, MethodOption::Tracking)) {
+    writeTracking(json, scene.tracking);
+  } else if (takes(scene.method, MethodOption::Falloff)) {
+    json.key("tracking").beginObject(JsonLayout::Inline);
+    writeFalloff(json, scene.tracking);
+    json.end();
+  }
 }
 
 void writeResample(JsonWriter& json, const std::optional<resample::Options>& options) {

@@ -116,6 +116,7 @@ void printResult(const Job& job, const scene::RunResult& result, Terminal& termi
     row("radius", fmt::format("{:.6g}{}", r.referenceRadius, result.radiusWasAutomatic ? " (automatic)" : ""));
     row("residual", fmt::format("{:.3g} at most, tolerance {:.3g}", r.residual.max, r.tolerance));
   }
+  if (r.fit) row(r.method, fmt::format("{}; {} skeleton points missed by {:.3g} at most, {:.3g} on average", r.fit->found, r.fit->pairs, r.fit->max, r.fit->rms));
   for (const map::MoveReport& move : r.moves) row(move.kind, moveText(move));
   row("folds", fmt::format("{} ({} in the input), {} faces flipped", r.foldsAfter, r.foldsBefore, r.flipped));
   row("stretch", fmt::format("{:.3f} at most", r.stretch.max));
@@ -184,6 +185,9 @@ int runScene(const scene::Scene& scene, const std::optional<fs::path>& saveScene
 }
 
 void requireUsable(const BatchOptions& options) {
+  for (const auto& [option, kind] : options.ofMethods)
+    if (option->count() > 0 && !scene::takes(options.scene.method, kind))
+      throw CLI::ValidationError(fmt::format("{}: has no meaning with --method {}", option->get_name(), scene::toString(options.scene.method)));
   const bool several = options.meshes.size() > 1;
   if (const std::string problem = outputProblem(options.output, several, false); !problem.empty())
     throw CLI::ValidationError("--output: " + problem);

@@ -22,6 +22,56 @@ void setFalloff(gffd::Options& tracking, const std::string& text) {
   }
 }
 
+void setWireBlend(scene::Scene& scene, const std::string& text) {
+  scene.wireBlend.reset();
+  if (text == "sum") return;
+  scene.wireBlend = parseNumbers("--wire-blend", text, 1)[0];
+  if (!(*scene.wireBlend >= 0 && *scene.wireBlend <= 100))
+    throw CLI::ConversionError(fmt::format("--wire-blend: {}, expected sum or a number from 0 to 100", text));
+}
+
+void setNodes(scene::Scene& scene, const std::string& text) {
+  const std::vector<double> n = parseNumbers("--nodes", text, 3);
+  scene.latticeNodes.emplace();
+  for (std::size_t k = 0; k < 3; ++k) {
+    if (!(n[k] >= 2 && n[k] <= 64 && n[k] == std::floor(n[k])))
+      throw CLI::ConversionError(fmt::format("--nodes: {}, expected three whole numbers from 2 to 64", text));
+    (*scene.latticeNodes)[k] = static_cast<int>(n[k]);
+  }
+}
+
+void addMethod(CLI::App& command, BatchOptions& options) {
+  const char* group = "Method";
+  scene::Scene& scene = options.scene;
+  std::vector<std::string> words;
+  for (const scene::MethodInfo& info : scene::methods()) words.emplace_back(info.word);
+  addWord(command, "--method", words, [&scene](std::size_t i) { scene.method = static_cast<scene::MethodKind>(i); },
+          "How the skeleton's motion deforms space (default: gffd)")->group(group);
+  options.ofMethods.emplace_back(
+      command.add_option_function<std::string>("--nodes", [&scene](const std::string& text) { setNodes(scene, text); },
+                                               "lattice: nodes along x, y, z (default: 4 to 12, by the box)")
+          ->type_name("NX,NY,NZ")->group(group),
+      scene::MethodOption::Nodes);
+  options.ofMethods.emplace_back(
+      command.add_option_function<std::string>("--wire-blend", [&scene](const std::string& text) { setWireBlend(scene, text); },
+                                               "wires: the power by which the greater displacement wins, or the sum (default: 1)")
+          ->type_name("sum|M")->group(group),
+      scene::MethodOption::WireBlend);
+}
+
+// Which of the options that were added are of some methods only.
+void markOptions(CLI::App& command, BatchOptions& options) {
+  using scene::MethodOption;
+  const auto mark = [&](MethodOption option, std::initializer_list<const char*> names) {
+    for (const char* name : names) options.ofMethods.emplace_back(command.get_option(name), option);
+  };
+  mark(MethodOption::Tracking, {"--track", "--warp-pairs", "--evaluation", "--no-corrector", "--tolerance", "--strict-value",
+                                "--no-guard", "--substeps", "--no-retry", "--resample-like", "--allow-residual", "--distance",
+                                "--voxel", "--distance-tolerance", "--sampling", "--distance-memory", "--centres", "--smoothing"});
+  mark(MethodOption::Falloff, {"--falloff"});
+  mark(MethodOption::Potential, {"--potential", "--sharpness"});
+}
+
 void addTracking(CLI::App& command, BatchOptions& options) {
   gffd::Options& tracking = options.scene.tracking;
   const char* group = "Tracking";
@@ -225,6 +275,7 @@ void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options,
   addFiles(command, options, severalMeshes);
   addEditing(command, options, method);
   if (method == Method::Skeleton) {
+    addMethod(command, options);
     addTracking(command, options);
     addDistance(command, options.scene.tracking.field.distance);
   }
@@ -232,6 +283,7 @@ void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options,
   addVolume(command, options);
   addOutput(command, options, method);
   addCheck(command, options, method);
+  if (method == Method::Skeleton) markOptions(command, options);
   addThreads(command, session);
 }
 

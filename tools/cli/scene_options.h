@@ -19,6 +19,8 @@ struct BatchOptions {
   std::string volumeMask;             ///< a word, an attribute or a file
   scene::Check checkOptions;
   std::optional<double> allowResidual;
+  /// Options that not every method by skeleton takes, and which of them do.
+  std::vector<std::pair<const CLI::Option*, scene::MethodOption>> ofMethods;
   std::function<void(const scene::RunResult&)> done;  ///< called after each mesh; may be empty
 };
 
@@ -29,8 +31,8 @@ enum class Method : std::uint8_t { Skeleton, Lattice };
 void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options, bool severalMeshes,
                      Method method = Method::Skeleton);
 
-/// What the options say only together, after all are parsed: names of files whose extension is of no use, and several
-/// meshes where one is needed. @throw CLI::ValidationError
+/// What the options say only together, after all are parsed: names of files whose extension is of no use, several
+/// meshes where one is needed, and options that the method does not take. @throw CLI::ValidationError
 void requireUsable(const BatchOptions& options);
 
 /// How distances are found: --distance and what belongs to it.

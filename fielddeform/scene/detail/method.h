@@ -51,5 +51,6 @@ class Method {
 std::unique_ptr<Method> makeMethod(const Scene& scene);
 std::unique_ptr<Method> makeGffdMethod(const Scene& scene);
 std::unique_ptr<Method> makeLatticeMethod(const Scene& scene);
+std::unique_ptr<Method> makeClassicMethod(const Scene& scene);
 
 }  // namespace fielddeform::scene::detail
