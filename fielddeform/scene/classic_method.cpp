@@ -60,6 +60,8 @@ class ClassicMethod final : public Method {
     binding_ = map_->bind(mesh.positions());
   }
 
+  void rebind(const mesh::Mesh& mesh) override { binding_ = map_->bind(mesh.positions()); }
+
   Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) override {
     Posed posed = applied(*map_, *binding_, progress);
     binding_.reset();
