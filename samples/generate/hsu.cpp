@@ -84,6 +84,12 @@ mesh::Mesh block(int side) {
   return mesh::Mesh(std::move(points), std::move(corners), std::move(offsets));
 }
 
+mesh::Mesh unitCube(int side) {
+  mesh::Mesh m = block(side);
+  for (Vec3& p : m.mutablePositions()) p = p.cwiseQuotient(Vec3(2, 0.8, 2)) + Vec3::Constant(0.5);
+  return m;
+}
+
 mesh::Mesh ball(const Vec3& centre, double radius, int around) { return ellipsoid(centre, radius, radius, around); }
 
 mesh::Mesh egg(int around) { return ellipsoid(Vec3::Zero(), 0.8, 1.2, around); }

@@ -8,6 +8,8 @@ namespace fielddeform::samples {
 /// A block of 2 x 0.8 x 2 about the origin, its faces divided into squares.
 /// @param side  squares along a long edge, even
 mesh::Mesh block(int side);
+/// The same as the unit cube, its corner at the origin.
+mesh::Mesh unitCube(int side);
 mesh::Mesh ball(const Vec3& centre, double radius, int around);
 /// A sphere of radius 0.8, 2.4 high.
 mesh::Mesh egg(int around);

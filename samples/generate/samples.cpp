@@ -100,6 +100,7 @@ const std::vector<Sample>& samples() {
       {"quadruped", "quadruped.obj", "standing animal in place of Hirota's cow", [](const path& p) { write(quadruped(), p); }},
       {"pitcher", "pitcher.obj", "pitcher of bicubic patches: wall, lip, handle (Hirota's)",
        [](const path& p) { write(pitcher(12), p); }},
+      {"cube", "cube.obj", "unit cube of squares (Chang & Rockwood's)", [](const path& p) { write(unitCube(20), p); }},
       {"block", "block.obj", "block of squares (Hsu's)", [](const path& p) { write(block(60), p); }},
       {"ball-tool", "ball-tool.obj", "ball that dips into the block (Hsu's)",
        [](const path& p) { write(ball(Vec3(0, 0.75, 0), 0.55, 64), p); }},

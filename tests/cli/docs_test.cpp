@@ -40,6 +40,7 @@ void runAll(const std::string& page, std::size_t least) {
 
 TEST(DocsSlow, TheGuidesCommandsRun) { runAll("/docs/guide.md", 9); }
 TEST(DocsSlow, TheLatticePagesCommandsRun) { runAll("/docs/lattice.md", 6); }
+TEST(DocsSlow, TheCasteljauPagesCommandsRun) { runAll("/docs/casteljau.md", 3); }
 TEST(DocsSlow, TheReadmesCommandsRun) { runAll("/README.md", 1); }
 
 TEST(Docs, TheExampleSceneIsRead) {

@@ -40,6 +40,7 @@ void addThreads(CLI::App& command, Session& session);
 void addDeform(CLI::App& app, Session& session);
 void addEdits(CLI::App& app, Session& session);  ///< bend, twist, taper, stretch
 void addLattice(CLI::App& app, Session& session);
+void addCasteljau(CLI::App& app, Session& session);
 void addRun(CLI::App& app, Session& session);
 void addWatch(CLI::App& app, Session& session);
 void addSkeleton(CLI::App& app, Session& session);

@@ -21,6 +21,7 @@ std::unique_ptr<CLI::App> makeApp(Session& session) {
   addDeform(*app, session);
   addEdits(*app, session);
   addLattice(*app, session);
+  addCasteljau(*app, session);
   addRun(*app, session);
   addWatch(*app, session);
   addSkeleton(*app, session);
