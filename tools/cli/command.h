@@ -46,6 +46,7 @@ void addWatch(CLI::App& app, Session& session);
 void addSkeleton(CLI::App& app, Session& session);
 void addInfo(CLI::App& app, Session& session);
 void addRender(CLI::App& app, Session& session);
+void addSolid(CLI::App& app, Session& session);
 void addVolume(CLI::App& app, Session& session);
 void addManual(CLI::App& app, Session& session);
 
