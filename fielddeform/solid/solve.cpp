@@ -34,7 +34,7 @@ numeric::SqpReport minimise(const Prepared& prepared, const Matrix& base, const 
 numeric::SqpReport minimiseInSteps(const Prepared& prepared, const Matrix& base, const std::vector<double>& targets, const numeric::SqpOptions& options, Vector& x, Progress& progress) {
   const Vector start = x;
   numeric::SqpReport report = minimise(prepared, base, targets, options, x);
-  if (report.constraint <= 1e-9) return report;
+  if (report.converged || report.constraint <= 1e-9) return report;
   int iterations = report.iterations;
   x = start;
   SizeProblem at(prepared, base, targets);

@@ -36,15 +36,16 @@ std::string_view toString(Method method) noexcept;  ///< "exact", "uzawa"
 ///   P <- wanted - H^-1 (sum l_i grad V_i(P) + C^T m),
 /// then l_i += rho1 (V_i - v_i), m += rho2 (C P - d).
 struct UzawaOptions {
-  /// Steps, in units of what meets the linearised constraint at once: 1 / (grad V H^-1 grad V), 1 / the largest eigenvalue of C H^-1 C^T.
-  /// Larger: faster, up to about 2, where it diverges. (The paper's values are lost, and depend on its units.)
-  double rho1 = 1, rho2 = 1.5;
+  /// Steps, in units in which the dual problem's largest curvature (of A H^-1 A^T, A the gradients of sizes and rows) is 1: one size alone
+  /// meets its linearised target at once with 1. Larger: faster, up to about 2, where it diverges. (The paper's values are lost, and
+  /// depend on its units.)
+  double rho1 = 1, rho2 = 1;
   int maxOuter = 500, maxInner = 2;
   double sizeTolerance = 1e-4;      ///< |V / v - 1| [the paper's final one; 1e-2 while dragging]
   double distanceTolerance = 1e-3;  ///< of C P - d and of the last inner step, share of the object's size
   bool eliminateRows = false;       ///< rows are kept exactly at every step instead of by multipliers: not the paper's, much faster
 
-  static UzawaOptions whileDragging() { return {1.2, 1.5, 20, 1, 1e-2, 1e-2, false}; }
+  static UzawaOptions whileDragging() { return {1.2, 1.2, 20, 1, 1e-2, 1e-2, false}; }
 };
 
 struct Options {

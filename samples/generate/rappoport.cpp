@@ -14,9 +14,9 @@ Eigen::Vector2d softSquare(int i, int j) {
   const std::array<double, 4> at{-1, -1.0 / 3, 1.0 / 3, 1};
   double x = at[static_cast<std::size_t>(i)], y = at[static_cast<std::size_t>(j)];
   const bool sideX = i == 0 || i == 3, sideY = j == 0 || j == 3;
-  if (sideX && sideY) return {0.74 * x, 0.74 * y};
-  if (sideX) return {1.06 * x, 1.14 * y};
-  if (sideY) return {1.14 * x, 1.06 * y};
+  if (sideX && sideY) return {0.8 * x, 0.8 * y};
+  if (sideX) return {1.02 * x, 1.12 * y};
+  if (sideY) return {1.12 * x, 1.02 * y};
   return {1.02 * x, 1.02 * y};
 }
 
@@ -30,7 +30,7 @@ solid::SolidFile amphora() {
     for (int j = 0; j < 4; ++j)
       for (int i = 0; i < 4; ++i) {
         const Eigen::Vector2d p = radius * softSquare(i, j);
-        out.points.emplace_back(p.x(), p.y(), height);
+        out.points.emplace_back(p.y(), height, p.x());
       }
   solid::SolidFile file;
   file.object = solid::makeObject({out}, {});
@@ -45,11 +45,11 @@ solid::SolidFile amphora() {
 }
 
 solid::SolidFile telephone(double stretch) {
-  // Along u: the middle line in the plane of x and z, which way is up across it, half thickness and half width.
+  // Along u: the middle line in the plane of x and y, which way is up across it, half thickness and half width.
   struct Station {
-    double x, z, tilt, thickness, width;
+    double x, y, tilt, thickness, width;
   };
-  // Tilt in degrees from z towards x. Joints (3 and 6) are means of their neighbours, so that all rows are C1.
+  // Tilt in degrees from y towards x. Joints (3 and 6) are means of their neighbours, so that all rows are C1.
   std::array<Station, 10> s{{{-2.25, -1.0, -90, 0.62, 0.66}, {-2.3, -0.55, -88, 0.66, 0.7}, {-2.05, 0.36, -38, 0.16, 0.3}, {},
                              {-0.75, 0.55, -3, 0.21, 0.3}, {0.75, 0.55, 3, 0.21, 0.3}, {},
                              {2.05, 0.36, 38, 0.16, 0.3}, {2.3, -0.55, 88, 0.6, 0.64}, {2.25, -1.0, 90, 0.56, 0.6}}};
@@ -59,8 +59,8 @@ solid::SolidFile telephone(double stretch) {
       for (int i = 0; i < 4; ++i) {
         const double a = s[k].tilt * std::acos(-1.0) / 180;
         const Eigen::Vector2d p = softSquare(i, j);
-        const Vec3 up(std::sin(a), 0, std::cos(a));
-        rows[k][static_cast<std::size_t>(i + 4 * j)] = Vec3(s[k].x, 0, s[k].z) + s[k].width * p.x() * Vec3::UnitY() + s[k].thickness * p.y() * up;
+        const Vec3 up(std::sin(a), std::cos(a), 0);
+        rows[k][static_cast<std::size_t>(i + 4 * j)] = Vec3(s[k].x, s[k].y, 0) - s[k].width * p.x() * Vec3::UnitZ() + s[k].thickness * p.y() * up;
       }
   for (const std::size_t joint : {3, 6})
     for (std::size_t r = 0; r < 16; ++r) rows[joint][r] = 0.5 * (rows[joint - 1][r] + rows[joint + 1][r]);

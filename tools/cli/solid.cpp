@@ -295,8 +295,8 @@ void addSolving(CLI::App& command, SolidOptions& o) {
   addWord(command, "--inner", {"free", "coons"}, [&o](std::size_t i) { o.inner = static_cast<solid::Problem::Inner>(i); },
           "Inner control points: follow the objective, or the boundary by the Coons formula (default: the file's, free)")->group(group);
   auto& u = o.solve.uzawa;
-  addNumber(command, "--rho1", u.rho1, "uzawa: step of the volumes' multipliers, 1: Newton's (default: 1)")->check(positive())->group(group);
-  addNumber(command, "--rho2", u.rho2, "uzawa: step of the constraints' multipliers, below 2 (default: 1.5)")->check(positive())->group(group);
+  addNumber(command, "--rho1", u.rho1, "uzawa: step of the volumes' multipliers, below 2 (default: 1)")->check(positive())->group(group);
+  addNumber(command, "--rho2", u.rho2, "uzawa: step of the constraints' multipliers, below 2 (default: 1)")->check(positive())->group(group);
   command.add_option("--max-outer", u.maxOuter, "uzawa: outer iterations at most (default: 500)")->type_name("N")->check(within(1, 1e6))->group(group);
   command.add_option("--max-inner", u.maxInner, "uzawa: inner iterations of an outer one at most (default: 2)")->type_name("N")->check(within(1, 1e6))->group(group);
   addNumber(command, "--volume-tolerance", u.sizeTolerance, "uzawa: relative deviation of volumes at the end (default: 1e-4)")->check(positive())->group(group);

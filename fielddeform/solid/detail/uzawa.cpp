@@ -87,23 +87,37 @@ class Uzawa {
     return out / prepared_.size;
   }
 
-  void naturalSteps() {
-    double most = 0;
-    for (std::size_t k = 0; k < targets_.size(); ++k) {
-      const Matrix g = sizeGradient(k);
-      most = std::max(most, g.cwiseProduct(inverse(g)).sum());
-    }
-    sizeStep_ = most > 0 ? 1 / most : 0;
-    if (!rows_.rows()) return;
-    Vector v = Vector::Ones(rows_.rows());
-    for (Eigen::Index i = 0; i < v.size(); ++i) v[i] += 0.1 * std::sin(static_cast<double>(i));  // not orthogonal to anything by symmetry
-    double largest = 0;
+  /// The largest eigenvalue of A H^-1 A^T, A the gradients of sizes and rows in multiples, by power iteration.
+  double largestEigenvalue(const std::vector<Matrix>& gradients, double ofSizes, double ofRows) const {
+    Vector a = Vector::Ones(static_cast<Eigen::Index>(gradients.size()));
+    Matrix b = Matrix::Ones(rows_.rows(), 3);
+    for (Eigen::Index i = 0; i < b.size(); ++i) b.data()[i] += 0.1 * std::sin(static_cast<double>(i));  // not orthogonal to anything by symmetry
+    for (Eigen::Index i = 0; i < a.size(); ++i) a[i] += 0.1 * static_cast<double>(i);
+    double length = 0;
     for (int k = 0; k < 100; ++k) {
-      v.normalize();
-      v = (rows_ * factor_.solve(rows_.transpose() * v)).eval();
-      largest = v.norm();
+      Matrix pull = Matrix::Zero(p_.rows(), 3);
+      for (std::size_t i = 0; i < gradients.size(); ++i) pull += ofSizes * a[static_cast<Eigen::Index>(i)] * gradients[i];
+      if (rows_.rows()) pull += ofRows * (rows_.transpose() * b);
+      const Matrix moved = inverse(pull);
+      for (std::size_t i = 0; i < gradients.size(); ++i) a[static_cast<Eigen::Index>(i)] = ofSizes * gradients[i].cwiseProduct(moved).sum();
+      if (rows_.rows()) b = ofRows * (rows_ * moved);
+      length = std::sqrt(a.squaredNorm() + b.squaredNorm());
+      if (!(length > 0)) return 0;
+      a /= length, b /= length;
     }
-    rowStep_ = largest > 0 ? 1 / largest : 0;
+    return length;
+  }
+
+  /// Steps of 1 for both together reach the largest that is safe by half: sizes and rows act on the same points.
+  void naturalSteps() {
+    std::vector<Matrix> g;
+    for (std::size_t k = 0; k < targets_.size(); ++k) g.push_back(sizeGradient(k));
+    const double sizes = largestEigenvalue(g, 1, 0), rows = rows_.rows() ? largestEigenvalue(g, 0, 1) : 0;
+    const double a = sizes > 0 ? 1 / std::sqrt(sizes) : 0, b = rows > 0 ? 1 / std::sqrt(rows) : 0;
+    const double both = largestEigenvalue(g, a, b);
+    if (!(both > 0)) return;
+    sizeStep_ = a * a / both;
+    rowStep_ = b * b / both;
   }
 
   const Prepared& prepared_;
