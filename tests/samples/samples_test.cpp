@@ -2,11 +2,14 @@
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/scene/run.h>
 #include <fielddeform/skeleton/io.h>
+#include <fielddeform/solid/regularity.h>
 #include <fielddeform/solid/solid_io.h>
+#include <fielddeform/solid/tessellate.h>
 #include <gtest/gtest.h>
 #include <samples/generate/figures.h>
 #include <samples/generate/hirota.h>
 #include <samples/generate/isosurface.h>
+#include <samples/generate/rappoport.h>
 #include <samples/generate/samples.h>
 #include <samples/generate/shapes.h>
 
@@ -104,6 +107,25 @@ TEST(Samples, ShapesAreClosedAndPointOutwards) {
   for (const mesh::Mesh& m : {baluster(), bunny(), bunny(0.3), otter(0.3)}) {
     expectClosedManifold(m);
     EXPECT_GT(volume(m), 0);
+  }
+}
+
+/// The examples of Rappoport et al. 1996, as samples/run solves them.
+TEST(Samples, SolidsMeetTheirVolumesAndAreNotTurnedInsideOut) {
+  std::vector<solid::SolidFile> files(3, amphora());
+  files[0].sizes[0] = {solid::SizeSpec::Kind::Factor, 0.7};
+  files[1].sizes[0] = {solid::SizeSpec::Kind::Factor, 1.5};
+  files[2] = telephone();
+  for (const solid::SolidFile& file : files) {
+    Progress silent;
+    const solid::Result result = solid::solve(solid::problemOf(file), {}, silent);
+    EXPECT_EQ(result.report.outcome, solid::Outcome::Converged) << result.report.message;
+    EXPECT_LT(result.report.deviation, 1e-12);
+    EXPECT_LT(result.report.rowResidual, 1e-12);
+    solid::Object after = file.object;
+    after.points = result.points;
+    for (std::size_t s = 0; s < after.solids.size(); ++s) EXPECT_EQ(solid::checkRegular(after, s).orientation, solid::Orientation::Positive);
+    expectClosedManifold(solid::tessellate(after, 6));
   }
 }
 
