@@ -110,6 +110,15 @@ TEST(Solve, UzawaComesToTheSamePointAsTheExactSolver) {
   }
 }
 
+TEST(Solve, UzawaWorksWithAnEnergyThatLeavesTranslationsFree) {
+  const Problem p = stretched(.3);
+  Options options{.method = Method::Uzawa};
+  options.uzawa.sizeTolerance = 1e-6, options.uzawa.distanceTolerance = 1e-6, options.uzawa.maxOuter = 5000;
+  const Result exact = solved(p), uzawa = solved(p, options);
+  EXPECT_EQ(uzawa.report.outcome, Outcome::Converged) << uzawa.report.message;
+  for (std::size_t i = 0; i < exact.points.size(); ++i) EXPECT_LT((uzawa.points[i] - exact.points[i]).norm(), 1e-3);
+}
+
 TEST(Solve, UzawaEndsWithAMessageWhereItDiverges) {
   Problem p;
   p.object = test::boxObject({2, 2, 2});

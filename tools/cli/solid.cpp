@@ -78,8 +78,8 @@ std::size_t solidOf(const solid::SolidFile& file, const std::string& option, con
   throw std::invalid_argument(fmt::format("{}: no solid is named \"{}\" (there are: {})", option, name, names));
 }
 
-/// "NAME:I,J,K"
-solid::PointRef controlPoint(const solid::SolidFile& file, const std::string& option, const std::string& text) {
+/// "NAME:I,J,K" @throw CLI::ConversionError
+std::pair<std::string, std::array<int, 3>> indexed(const std::string& option, const std::string& text) {
   const auto [name, index] = split(option, text, ':', "NAME:I,J,K");
   const auto n = parseNumbers(option, index, 3);
   std::array<int, 3> ijk{};
@@ -87,6 +87,11 @@ solid::PointRef controlPoint(const solid::SolidFile& file, const std::string& op
     if (!(n[a] >= 0 && n[a] <= solid::kMaxDegree) || n[a] != std::floor(n[a])) throw CLI::ConversionError(fmt::format("{}: \"{}\", expected NAME:I,J,K", option, text));
     ijk[a] = static_cast<int>(n[a]);
   }
+  return {name, ijk};
+}
+
+solid::PointRef controlPoint(const solid::SolidFile& file, const std::string& option, const std::string& text) {
+  const auto [name, ijk] = indexed(option, text);
   solid::PointRef out{solidOf(file, option, name), ijk};
   solid::combination(file.object, out);
   return out;
@@ -95,6 +100,21 @@ solid::PointRef controlPoint(const solid::SolidFile& file, const std::string& op
 Vec3 vectorOf(const std::string& option, const std::string& text) {
   const auto n = parseNumbers(option, text, 3);
   return {n[0], n[1], n[2]};
+}
+
+/// Options whose form is wrong are wrong usage, before any file is read.
+void requireForm(const SolidOptions& o) {
+  for (const std::string& text : o.moves) {
+    const auto [point, by] = split("--move", text, '=', "NAME:I,J,K=DX,DY,DZ");
+    indexed("--move", point);
+    vectorOf("--move", by);
+  }
+  for (const std::string& text : o.fixes) indexed("--fix", text);
+  for (const std::string& text : o.targets) {
+    const auto [point, to] = split("--target", text, '=', "NAME:U,V,W=X,Y,Z");
+    vectorOf("--target", split("--target", point, ':', "NAME:U,V,W=X,Y,Z").second);
+    vectorOf("--target", to);
+  }
 }
 
 /// The file with what the command line adds.
@@ -342,6 +362,7 @@ void addSolid(CLI::App& app, Session& session) {
       targets.push_back(targetOf(text));
       if (text.find("..") != std::string::npos && o->frames == 0) throw CLI::ValidationError("--volume A..B: expected only with --frames");
     }
+    requireForm(*o);
     if (o->samples > 0 && !o->embed.empty()) throw CLI::ValidationError("--samples: not with --embed");
     if (o->frames > 0 && o->solve.method == solid::Method::Uzawa) throw CLI::ValidationError("--frames: only with --method exact");
     session.run = [o, targets](Terminal& terminal) { return run(*o, targets, terminal); };

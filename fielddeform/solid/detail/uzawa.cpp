@@ -24,7 +24,15 @@ class Uzawa {
         scale_.push_back(std::max(1e-300, rows_.row(static_cast<Eigen::Index>(r)).norm()));
         rows_.row(static_cast<Eigen::Index>(r)) /= scale_.back();
       }
-      factor_.compute(prepared.h);
+      // An energy alone leaves translations free: |C P - d|^2 is added, which is 0 at the solution (an augmented Lagrangian; not the paper's).
+      if (prepared.problem.objective.leastSquares > 0 || rows_.rows() == 0) {
+        factor_.compute(prepared.h);
+      } else {
+        factor_.compute(prepared.h + rows_.transpose() * rows_);
+        Matrix d = values;
+        for (std::size_t r = 0; r < scale_.size(); ++r) d.row(static_cast<Eigen::Index>(r)) /= scale_[r];
+        start_ = factor_.solve(prepared.h * wanted + rows_.transpose() * d);
+      }
     }
     sizeMultiplier_ = Vector::Zero(static_cast<Eigen::Index>(targets.size()));
     rowMultiplier_ = Matrix::Zero(rows_.rows(), 3);
