@@ -5,7 +5,7 @@
 #   * a public header (one outside detail/) that includes detail/ or a private dependency;
 #   * tools/ or samples/ that include detail/.
 cmake_minimum_required(VERSION 3.20)
-set(layers core numeric mesh spatial skeleton field map gffd resample volume render scene study)
+set(layers core numeric mesh spatial skeleton field map gffd resample volume solid render scene study)
 set(problems 0)
 
 macro(problem)

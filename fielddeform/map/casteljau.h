@@ -116,6 +116,7 @@ class CasteljauMap final : public SpaceMap {
   struct Model;
   class Bound;
   const Bound& own(const Binding& binding) const;
+  static void displacements(const Model& model, const Bound& bound, std::size_t first, std::size_t count, Vec3* out);
   std::shared_ptr<const Model> model_;
 };
 

@@ -86,7 +86,8 @@ struct CasteljauMap::Model {
   Vec3 displacement(std::size_t piece, const Vec3& uvw, double* b) const {
     const Sweep& s = change[piece];
     if (uvw.x() >= 0 && uvw.x() <= 1) {
-      const auto d = detail::sweep(s.degree, s.c.data(), s.s.data(), s.t.data(), {uvw.x(), uvw.y(), uvw.z()}, b);
+      Triple<double> d;
+      detail::sweep(s.degree, s.c.data(), s.s.data(), s.t.data(), Triple<double>{uvw.x(), uvw.y(), uvw.z()}, b, d);
       return {d[0], d[1], d[2]};
     }
     return SweepFrame(s, uvw.x()).image(uvw.y(), uvw.z());
@@ -154,6 +155,27 @@ std::shared_ptr<const Binding> CasteljauMap::bind(Points rest) const {
   return bound;
 }
 
+/// Displacements of some neighbouring points: side by side where all are inside one piece.
+void CasteljauMap::displacements(const Model& model, const Bound& bound, std::size_t first, std::size_t count, Vec3* out) {
+  const auto moves = [&](std::size_t p) {
+    return (bound.kind[p] == PointKind::Inside || bound.kind[p] == PointKind::Beyond) && !model.unchanged[bound.piece[p]];
+  };
+  const auto last = first + count;
+  bool together = count == detail::kSweepBlock;
+  for (std::size_t p = first; p < last && together; ++p)
+    together = bound.kind[p] == PointKind::Inside && bound.piece[p] == bound.piece[first];
+  if (together && moves(first)) {
+    std::array<double, 3 * detail::kSweepBlock> uvw, d;
+    for (std::size_t k = 0; k < count; ++k)
+      for (std::size_t c = 0; c < 3; ++c) uvw[c * detail::kSweepBlock + k] = bound.uvw[first + k][static_cast<Eigen::Index>(c)];
+    detail::sweepBlock(model.change[bound.piece[first]], uvw, d);
+    for (std::size_t k = 0; k < count; ++k) out[k] = Vec3(d[k], d[detail::kSweepBlock + k], d[2 * detail::kSweepBlock + k]);
+    return;
+  }
+  Weights b;
+  for (std::size_t p = first; p < last; ++p) out[p - first] = moves(p) ? model.displacement(bound.piece[p], bound.uvw[p], b.data()) : Vec3(Vec3::Zero());
+}
+
 const CasteljauMap::Bound& CasteljauMap::own(const Binding& binding) const {
   const auto* bound = dynamic_cast<const Bound*>(&binding);
   if (!bound || bound->model != model_) throw std::invalid_argument("binding: made by another map");
@@ -165,12 +187,11 @@ void CasteljauMap::apply(const Binding& binding, MapOutput out, Progress& progre
   for (const std::size_t size : {out.position.size(), out.safe.size(), out.status.size(), out.residual.size()})
     if (size != 0 && size != bound.size()) throw std::invalid_argument(fmt::format("out: {} elements, expected {}", size, bound.size()));
   parallelFor(bound.size(), kGrain, progress, [&](std::size_t begin, std::size_t end) {
-    Weights b;
+    std::array<Vec3, detail::kSweepBlock> moves;
     for (std::size_t p = begin; p < end; ++p) {
       const PointKind kind = bound.kind[p];
-      Vec3 d = Vec3::Zero();
-      if ((kind == PointKind::Inside || kind == PointKind::Beyond) && !model_->unchanged[bound.piece[p]])
-        d = model_->displacement(bound.piece[p], bound.uvw[p], b.data());
+      if ((p - begin) % moves.size() == 0) displacements(*model_, bound, p, std::min(moves.size(), end - p), moves.data());
+      const Vec3& d = moves[(p - begin) % moves.size()];
       Vec3 x = d == Vec3::Zero() ? bound.rest[p] : Vec3(bound.rest[p] + d);
       const bool invalid = kind == PointKind::Invalid || !x.allFinite();
       if (invalid) x = bound.rest[p];

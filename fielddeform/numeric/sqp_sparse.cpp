@@ -44,9 +44,13 @@ class SparseSteps final : public detail::SqpSteps {
     if (normal.squaredNorm() > 0) r += hessianTimes(normal);
     Vector t = Vector::Zero(r.size()), z = projected(r);
     const double first = r.dot(z);
-    if (!(first > 0)) return t;
+    // What is left of a gradient within the constraints' span is rounding: conjugate gradients would follow its noise.
+    Vector whole;
+    problem_.precondition(r, whole);
+    const double noise = 1e-28 * r.dot(whole);
+    if (!(first > noise)) return t;
     // Only as far as the outer iteration can use it (an inexact Newton method).
-    const double target = first * std::min(1e-2, std::max(1e-20, first));
+    const double target = std::max(noise, first * std::min(1e-2, std::max(1e-20, first)));
     Vector p = -z;
     double rz = first;
     for (int i = 0; i < options_.maxInner; ++i, ++inner_) {

@@ -10,6 +10,7 @@
 #include "figures.h"
 #include "hirota.h"
 #include "hsu.h"
+#include "rappoport.h"
 #include "shapes.h"
 
 namespace fielddeform::samples {
@@ -101,6 +102,9 @@ const std::vector<Sample>& samples() {
       {"pitcher", "pitcher.obj", "pitcher of bicubic patches: wall, lip, handle (Hirota's)",
        [](const path& p) { write(pitcher(12), p); }},
       {"cube", "cube.obj", "unit cube of squares (Chang & Rockwood's)", [](const path& p) { write(unitCube(20), p); }},
+      {"amphora", "amphora.json", "amphora, one solid (Rappoport's)", [](const path& p) { solid::writeSolids(amphora(), p); }},
+      {"telephone", "telephone.json", "telephone handset of three solids, to be stretched (Rappoport's)",
+       [](const path& p) { solid::writeSolids(telephone(), p); }},
       {"block", "block.obj", "block of squares (Hsu's)", [](const path& p) { write(block(60), p); }},
       {"ball-tool", "ball-tool.obj", "ball that dips into the block (Hsu's)",
        [](const path& p) { write(ball(Vec3(0, 0.75, 0), 0.55, 64), p); }},

@@ -248,6 +248,22 @@ TEST(Casteljau, SaysWhichPointsItLeaves) {
   EXPECT_THROW(curvesAlong(more, std::vector<Vec3>(3)), std::invalid_argument);
 }
 
+TEST(Casteljau, GivesTheSameBitsWithAllVectorInstructions) {
+  const LatticeBox frame;
+  for (const int degree : {1, 2, 3, 6}) {
+    const CasteljauMap map(joinC1(shaken(frame, std::max(3, degree), {1, 2}, 8, .2)), frame), single(shaken(frame, degree, {1}, 9, .2), frame);
+    std::vector<Vec3> points;
+    for (std::uint64_t k = 0; k < 1003; ++k) points.push_back(randomPoint(3, k) + Vec3(.4, 0, 0));
+    for (const CasteljauMap* m : {&map, &single})
+      for (const auto level : {fielddeform::detail::SimdLevel::Baseline, fielddeform::detail::SimdLevel::Avx2, fielddeform::detail::SimdLevel::Avx512}) {
+        if (level > fielddeform::detail::supportedSimdLevel()) break;
+        const fielddeform::detail::SimdLimit limit(level);
+        const std::vector<Vec3> out = applied(*m, points);
+        for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(out[i], m->position(points[i]));
+      }
+  }
+}
+
 TEST(Casteljau, GivesTheSameBitsOnAnyNumberOfThreads) {
   const CasteljauPair pair = curvesAlong(arc(.8, 2, 6), arc(-1.2, 2.5, 6));
   const CasteljauMap map(pair.rest, pair.posed);
@@ -300,7 +316,8 @@ Count recurrenceCount(std::size_t n) {
 Count sweepCount(std::size_t n) {
   std::vector<CountedTriple> c(n + 1), handles(n);
   std::vector<Counted> b(n + 1);
-  return countOf([&] { detail::sweep(n, c.data(), handles.data(), handles.data(), CountedTriple{}, b.data()); });
+  CountedTriple out;
+  return countOf([&] { detail::sweep(n, c.data(), handles.data(), handles.data(), CountedTriple{}, b.data(), out); });
 }
 /// A tensor Bezier lattice of degrees (n, 1, 1) by repeated lerps (1 - u) a + u b, along u first; 1 - u etc. not counted.
 Count latticeCount(std::size_t n) {

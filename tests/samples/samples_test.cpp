@@ -2,10 +2,14 @@
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/scene/run.h>
 #include <fielddeform/skeleton/io.h>
+#include <fielddeform/solid/regularity.h>
+#include <fielddeform/solid/solid_io.h>
+#include <fielddeform/solid/tessellate.h>
 #include <gtest/gtest.h>
 #include <samples/generate/figures.h>
 #include <samples/generate/hirota.h>
 #include <samples/generate/isosurface.h>
+#include <samples/generate/rappoport.h>
 #include <samples/generate/samples.h>
 #include <samples/generate/shapes.h>
 
@@ -106,6 +110,25 @@ TEST(Samples, ShapesAreClosedAndPointOutwards) {
   }
 }
 
+/// The examples of Rappoport et al. 1996, as samples/run solves them.
+TEST(Samples, SolidsMeetTheirVolumesAndAreNotTurnedInsideOut) {
+  std::vector<solid::SolidFile> files(3, amphora());
+  files[0].sizes[0] = {solid::SizeSpec::Kind::Factor, 0.7};
+  files[1].sizes[0] = {solid::SizeSpec::Kind::Factor, 1.5};
+  files[2] = telephone();
+  for (const solid::SolidFile& file : files) {
+    Progress silent;
+    const solid::Result result = solid::solve(solid::problemOf(file), {}, silent);
+    EXPECT_EQ(result.report.outcome, solid::Outcome::Converged) << result.report.message;
+    EXPECT_LT(result.report.deviation, 1e-12);
+    EXPECT_LT(result.report.rowResidual, 1e-12);
+    solid::Object after = file.object;
+    after.points = result.points;
+    for (std::size_t s = 0; s < after.solids.size(); ++s) EXPECT_EQ(solid::checkRegular(after, s).orientation, solid::Orientation::Positive);
+    expectClosedManifold(solid::tessellate(after, 6));
+  }
+}
+
 TEST(Samples, DoNotDependOnTheNumberOfThreads) {
   std::vector<std::string> bytes;
   for (const int threads : {1, 7}) {
@@ -178,7 +201,9 @@ TEST(SamplesSlow, AllReadBack) {
     EXPECT_TRUE(names.insert(sample.name).second);
     const auto file = folder / sample.file;
     sample.write(file);
-    if (file.extension() == ".json")
+    if (sample.name == "amphora" || sample.name == "telephone")
+      EXPECT_GT(solid::readSolids(file).object.solids.size(), 0u) << sample.name;
+    else if (file.extension() == ".json")
       EXPECT_NO_THROW(skeleton::readSkeleton(file)) << sample.name;
     else
       EXPECT_GT(mesh::readMesh(file).faceCount(), 0u) << sample.name;

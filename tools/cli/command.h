@@ -47,6 +47,7 @@ void addSkeleton(CLI::App& app, Session& session);
 void addField(CLI::App& app, Session& session);
 void addInfo(CLI::App& app, Session& session);
 void addRender(CLI::App& app, Session& session);
+void addSolid(CLI::App& app, Session& session);
 void addVolume(CLI::App& app, Session& session);
 void addManual(CLI::App& app, Session& session);
 

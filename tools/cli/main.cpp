@@ -28,6 +28,7 @@ std::unique_ptr<CLI::App> makeApp(Session& session) {
   addField(*app, session);
   addInfo(*app, session);
   addRender(*app, session);
+  addSolid(*app, session);
   addVolume(*app, session);
   addManual(*app, session);
   return app;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <fielddeform/core/detail/simd.h>
+
 #include <array>
 #include <cstddef>
 
@@ -25,7 +27,7 @@ void nextLevel(Triple<T>* x, std::size_t count, const Triple<T>* s, const Triple
 
 /// Bernstein weights of degree n by the triangle of lerps. @param b n + 1
 template <class T>
-void bernstein(std::size_t n, const T& u, const T& oneMinusU, T* b) {
+FIELDDEFORM_SIMD_INLINE void bernstein(std::size_t n, const T& u, const T& oneMinusU, T* b) {
   b[0] = T(1);
   if (n > 0) b[0] = oneMinusU, b[1] = u;
   for (std::size_t k = 2; k <= n; ++k) {
@@ -37,12 +39,12 @@ void bernstein(std::size_t n, const T& u, const T& oneMinusU, T* b) {
 
 /// The same image in closed form: the levels' handles enter linearly, so that the image is c(u) + v S(u) + w T(u), c of degree n and
 /// S, T of degree n - 1.
-/// @param c n + 1    @param s, t n    @param b n + 1, scratch
-template <class T>
-Triple<T> sweep(std::size_t n, const Triple<T>* c, const Triple<T>* s, const Triple<T>* t, const Triple<T>& uvw, T* b) {
+/// @param c n + 1    @param s, t n    @param b n + 1, scratch    @param out the image
+template <class T, class Control>
+FIELDDEFORM_SIMD_INLINE void sweep(std::size_t n, const Triple<Control>* c, const Triple<Control>* s, const Triple<Control>* t, const Triple<T>& uvw, T* b, Triple<T>& out) {
   const T rest = T(1) - uvw[0];
   bernstein(n - 1, uvw[0], rest, b);
-  Triple<T> a, d, out;
+  Triple<T> a, d;
   for (std::size_t k = 0; k < 3; ++k) a[k] = b[0] * s[0][k], d[k] = b[0] * t[0][k];
   for (std::size_t i = 1; i < n; ++i)
     for (std::size_t k = 0; k < 3; ++k) {
@@ -56,7 +58,6 @@ Triple<T> sweep(std::size_t n, const Triple<T>* c, const Triple<T>* s, const Tri
   for (std::size_t i = 1; i <= n; ++i)
     for (std::size_t k = 0; k < 3; ++k) out[k] = out[k] + b[i] * c[i][k];
   for (std::size_t k = 0; k < 3; ++k) out[k] = out[k] + uvw[1] * a[k] + uvw[2] * d[k];
-  return out;
 }
 
 }  // namespace fielddeform::map::detail

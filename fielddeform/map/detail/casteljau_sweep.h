@@ -25,6 +25,11 @@ struct SweepFrame {
   Mat3 jacobian(double v, double w) const;
 };
 
+inline constexpr std::size_t kSweepBlock = 8;
+/// Images of a block of points with u in [0, 1], the same bits as sweep() gives for each.
+/// @param uvw, out  u of all, v of all, w of all; x of all ...
+void sweepBlock(const Sweep& sweep, const std::array<double, 3 * kSweepBlock>& uvw, std::array<double, 3 * kSweepBlock>& out);
+
 /// Where a point lies in the space of a curve of several pieces.
 struct SweepPlace {
   std::size_t piece = 0;
