@@ -14,6 +14,7 @@ constexpr std::size_t kCoarseTriangles = 256;   // of the first grid, at least,
 constexpr std::size_t kCoarseShare = 64;        // and as many as the surface has over this: fewer evaluations of a large mesh
 constexpr std::size_t kDirectTriangles = 1500;  // below, a coarse copy saves nothing
 constexpr std::size_t kFormEntries = 16u << 20; // basis entries from which a form is still built
+constexpr std::size_t kCheapForm = 20;          // nodes of a form that costs less than the four evaluations of two grids
 
 /// One surface with its constraints, by the form where there is one.
 struct Grid {
@@ -27,14 +28,16 @@ class ExactSolve {
   ExactSolve(const Prepared::Impl& impl, Points start, MeshConstraints& fine, const Options& options, Progress& progress)
       : impl_(impl), fine_(fine), options_(options), progress_(progress), start_(start.begin(), start.end()) {
     dense_ = 3 * static_cast<Eigen::Index>(impl.free.size()) <= kDenseVariables;
-    form_ = impl.problem.constraints.moments.empty() && impl.rowOf.size() <= kFormNodes;
+    // Pinned nodes are part of the base, unless they move in parts.
+    fixed_ = options.exact.loadSteps == 1 && impl.free.size() + 3 < impl.rowOf.size();
+    formNodes_ = fixed_ ? impl.free.size() + 3 : impl.rowOf.size();
+    form_ = impl.problem.constraints.moments.empty() && formNodes_ <= kFormNodes;
   }
 
   Solved run() {
-    const bool small = impl_.fine().triangles() <= kDirectTriangles;
-    const bool twoGrid = options_.exact.twoGrid && !(small && (form_ || dense_));
+    const bool twoGrid = useTwoGrids();
     if (!twoGrid && canFormFine()) {
-      Grid form = formOf(impl_.levels.size() - 1);
+      Grid form = fineForm();
       Eigen::VectorXd x = firstSolve(*form.constraints, *form.constraints, tolerance(1), impl_.levels.size() - 1);
       solved_.x = std::move(x);
       return std::move(solved_);
@@ -59,7 +62,7 @@ class ExactSolve {
     numeric::SqpReport report = polish(fine_, twoGrid ? *coarse->constraints : fine_);
     if (!report.converged && twoGrid) {  // second derivatives of the coarse copy were not good enough
       if (canFormFine()) {
-        Grid form = formOf(impl_.levels.size() - 1);
+        Grid form = fineForm();
         report = polish(*form.constraints, *form.constraints);
       } else {
         report = polish(fine_, fine_);
@@ -83,13 +86,25 @@ class ExactSolve {
     return out;
   }
 
+  bool useTwoGrids() const {
+    if (options_.exact.grids != Grids::Auto) return options_.exact.grids == Grids::Two;
+    const bool small = impl_.fine().triangles() <= kDirectTriangles;
+    return !(small && (form_ || dense_)) && !(canFormFine() && formNodes_ <= kCheapForm);
+  }
   bool canFormFine() const {
     return form_ && impl_.fine().basis() && impl_.fine().base().size() * impl_.rowOf.size() <= kFormEntries;
   }
-  Grid formOf(std::size_t level) const {
+  std::unique_ptr<NodeConstraints> formOf(const MeshModel& model, std::vector<VolumeTarget> targets) {
+    if (!fixed_) return std::make_unique<FormConstraints>(FormConstraints::ofMesh(model, impl_.problem.map->restNodes(), std::move(targets)));
+    std::vector<Vec3> own;
+    const bool fine = &model == &impl_.fine();
+    if (!fine) model.positions(start_, own);
+    return std::make_unique<FormConstraints>(FormConstraints::ofFree(model, fine ? fine_.positions(start_) : own, start_, impl_.free, std::move(targets)));
+  }
+  Grid fineForm() {
     Grid g;
-    g.model = &impl_.levels[level];
-    g.constraints = std::make_unique<FormConstraints>(FormConstraints::ofMesh(*g.model, impl_.problem.map->restNodes(), impl_.targets(level)));
+    g.model = &impl_.fine();
+    g.constraints = formOf(*g.model, impl_.targets(impl_.levels.size() - 1));
     return g;
   }
 
@@ -122,7 +137,7 @@ class ExactSolve {
       if (!open) t.scale *= share;
     }
     if (!impl_.problem.constraints.moments.empty()) faithful_ = faithful_ && !g.own;
-    if (form_) g.constraints = std::make_unique<FormConstraints>(FormConstraints::ofMesh(*g.model, impl_.problem.map->restNodes(), coarseTargets_));
+    if (form_) g.constraints = formOf(*g.model, coarseTargets_);
     else g.constraints = std::make_unique<MeshConstraints>(*g.model, coarseTargets_, impl_.problem.constraints.moments, impl_.extent);
     return g;
   }
@@ -198,7 +213,8 @@ class ExactSolve {
   const Options& options_;
   Progress& progress_;
   std::vector<Vec3> start_;
-  bool dense_ = true, form_ = true, faithful_ = true;
+  bool dense_ = true, form_ = true, fixed_ = false, faithful_ = true;
+  std::size_t formNodes_ = 0;
   std::size_t coarseLevel_ = 0;
   std::vector<VolumeTarget> coarseTargets_;
   Solved solved_;

@@ -45,7 +45,7 @@ TEST(Hirota, KeepsTheVolumeWhateverTheSolver) {
 TEST(Hirota, BothSolversAgree) {
   // Without levels they start from the same place. The tori are left out: there conjugate gradients end at a saddle.
   for (const VolumeCase& c : {tests::clubCompression(3), tests::clubBent(170, 3)}) {
-    const Result exact = solve(c, {.exact = {.twoGrid = false}}), paper = solve(c, augmented(Minimiser::ConjugateGradients, false));
+    const Result exact = solve(c, {.exact = {.grids = Grids::Fine}}), paper = solve(c, augmented(Minimiser::ConjugateGradients, false));
     // The inner gradient tolerance of 1e-4 leaves some 1e-4 of the size, the energy its square.
     EXPECT_NEAR(paper.report.energy, exact.report.energy, 1e-4 * exact.report.energy) << c.name;
     double gap = 0;
@@ -56,12 +56,12 @@ TEST(Hirota, BothSolversAgree) {
 
 TEST(Hirota, TwoGridsEndWhereTheFineFormDoes) {
   for (const VolumeCase& c : {tests::torusStretch(4096), tests::clubCompression(4)}) {
-    const Result two = solve(c), one = solve(c, {.exact = {.twoGrid = false}});
+    const Result two = solve(c, {.exact = {.grids = Grids::Two}}), one = solve(c, {.exact = {.grids = Grids::Fine}});
     EXPECT_NEAR(two.report.energy, one.report.energy, 1e-9 * one.report.energy) << c.name;
     EXPECT_LE(two.report.meshEvaluations, 14) << c.name;
     VolumeCase bare = c;  // without levels: the coarse copy is made by merging vertices
     bare.problem.coarser.clear();
-    const Result merged = solve(bare);
+    const Result merged = solve(bare, {.exact = {.grids = Grids::Two}});
     EXPECT_NEAR(merged.report.energy, one.report.energy, 1e-9 * one.report.energy) << c.name;
   }
 }
@@ -167,7 +167,7 @@ TEST(Hirota, LoadStepsReachTheSameVolume) {
 }
 
 int diverged(const VolumeCase& c, int starts, int& most) {
-  const Result r = solve(c, {.exact = {.twoGrid = false, .starts = starts, .jitter = 0.3, .seed = 5}});
+  const Result r = solve(c, {.exact = {.grids = Grids::Fine, .starts = starts, .jitter = 0.3, .seed = 5}});
   int bad = 0;
   for (const StartReport& s : r.report.starts) bad += s.outcome != Outcome::Converged, most = std::max(most, s.iterations);
   return bad;

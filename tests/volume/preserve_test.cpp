@@ -241,7 +241,7 @@ TEST(Preserve, AMaskedMapAndFixedRimsWorkUnchanged) {
   open.problem.surface.triangles = kept;
   open.problem.rims = Rims::Fixed;
   open.problem.constraints.volume = {SurfaceVolume(ball.positions(), kept, {}, Rims::Fixed).value(ball.positions()) + 0.1 * base};
-  for (const Options& o : {Options{}, Options{.exact = {.twoGrid = false}}, Options{.solver = Solver::Projection}, augmented()}) {
+  for (const Options& o : {Options{}, Options{.exact = {.grids = Grids::Fine}}, Options{.solver = Solver::Projection}, augmented()}) {
     const Result a = solve(closed.problem, o), b = solve(open.problem, o);
     EXPECT_LE(std::abs(a.report.volumes[0].deviation()), 1e-12);
     EXPECT_LE(std::abs(b.report.volumes[0].deviation()), 1e-12);

@@ -149,7 +149,7 @@ LocalSolved solveLocally(const LocalEdit& edit, const LocalMask& mask, LocalPart
     const Prepared prepared(problemOf(parts, lattice, std::move(energy), augmented));
     Options inner;
     inner.solver = augmented ? Solver::AugmentedLagrangian : Solver::Exact;
-    inner.exact.twoGrid = false;  // its coarse copy is made for lattices of few nodes
+    inner.exact.grids = Grids::Fine;  // its coarse copy is made for lattices of few nodes
     inner.exact.gradient = kOptimal;
     const Result result = preserve(prepared, inner, progress);
     out.iterations = result.report.iterations;

@@ -55,6 +55,20 @@ MeshModel::MeshModel(RowMatrix basis, std::vector<Vec3> base, std::vector<Index>
   basis_ = std::move(basis);
 }
 
+const WedgePlan& MeshModel::plan(std::size_t region) const {
+  std::call_once(plans_->once, [&] {
+    std::vector<Index> place(base_.size(), kNoIndex), local;
+    for (std::size_t r = 0; r < volume_.regionCount(); ++r) {
+      const auto own = volume_.vertices(r);
+      for (std::size_t k = 0; k < own.size(); ++k) place[own[k]] = static_cast<Index>(k);
+      local.clear();
+      for (const Index v : volume_.triangles(r)) local.push_back(place[v]);
+      plans_->regions.emplace_back(own.size(), local);
+    }
+  });
+  return plans_->regions[region];
+}
+
 void MeshModel::positions(Points d, std::vector<Vec3>& x) const {
   combine(d, x);
   parallelFor(x.size(), kGrain * 8, [&](std::size_t begin, std::size_t end) {
