@@ -2,6 +2,8 @@
 
 #include <fielddeform/numeric/constrained.h>
 
+#include <optional>
+
 namespace fielddeform::numeric {
 
 struct SqpOptions {
@@ -30,6 +32,10 @@ using SqpStep = std::function<void(const Eigen::VectorXd& x, double f, const Eig
 /// l1 merit, one second-order correction, halving. At a stationary point with negative reduced curvature it steps along
 /// that eigenvector and goes on. Dense: for up to a few hundred variables; O(n^3) an iteration.
 SqpReport sqp(ConstrainedProblem& problem, Eigen::VectorXd& x, const SqpOptions& options, const SqpStep& onStep = {});
+
+/// A unit vector within the constraints' null space along which f + multiplier . c curves down by more than `least` at x, if
+/// there is one: the least eigenvalue's. Dense, no evaluation but one of the derivatives and the Hessian.
+std::optional<Eigen::VectorXd> negativeCurvature(ConstrainedProblem& problem, const Eigen::VectorXd& x, const Eigen::VectorXd& multiplier, double least = 1e-7);
 
 /// The same iteration for many variables: projected conjugate gradients (Steihaug's way with negative curvature) and least
 /// squares in the metric of problem.precondition(). Saddles without residual are not looked for.

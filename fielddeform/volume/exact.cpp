@@ -1,6 +1,7 @@
 #include <fielddeform/core/random.h>
 #include <fielddeform/numeric/sqp.h>
 #include <fielddeform/volume/detail/prepared.h>
+#include <fielddeform/volume/detail/saddle.h>
 
 #include <algorithm>
 #include <cmath>
@@ -111,31 +112,15 @@ class ExactSolve {
   /// The problem's first level of enough triangles, else the surface with its vertices merged.
   Grid coarseGrid() {
     Grid g;
-    const std::size_t coarser = impl_.levels.size() - 1, least = std::max(kCoarseTriangles, impl_.fine().triangles() / kCoarseShare);
-    for (std::size_t l = 0; l < coarser && !g.model; ++l)
-      if (impl_.levels[l].basis() && impl_.levels[l].triangles() >= least && 2 * impl_.levels[l].triangles() < impl_.fine().triangles())
-        g.model = &impl_.levels[l], coarseLevel_ = l;
-    std::vector<double> base;
-    if (g.model) {
-      base = impl_.baseVolume[coarseLevel_];
-    } else {
+    const std::size_t least = std::max(kCoarseTriangles, impl_.fine().triangles() / kCoarseShare);
+    g.model = coarseLevel(impl_, least, coarseLevel_);
+    if (!g.model) {
       const std::size_t vertices = std::clamp<std::size_t>(std::max(4 * impl_.rowOf.size(), least / 2), 200, 2000);
       g.own = std::make_unique<MeshModel>(clustered(*impl_.problem.map, impl_.problem.surface, impl_.fine(), vertices, impl_.problem.rims));
       g.model = g.own.get();
       coarseLevel_ = impl_.levels.size() - 1;
-      base = g.model->volume().values(g.model->base());
     }
-    coarseTargets_ = impl_.targets(impl_.levels.size() - 1);
-    const bool open = impl_.problem.rims == Rims::Fixed;
-    for (VolumeTarget& t : coarseTargets_) {
-      const double fine = impl_.baseVolume.back()[t.region], share = base[t.region] / fine;
-      if (!open && !(share > 0.7 && share < 1.4)) {
-        faithful_ = false;
-        continue;  // its curvature is used with the fine scale
-      }
-      t.target = open ? base[t.region] + (t.target - fine) : t.target * share;
-      if (!open) t.scale *= share;
-    }
+    coarseTargets_ = coarseTargets(impl_, g.own ? g.model->volume().values(g.model->base()) : impl_.baseVolume[coarseLevel_], faithful_);
     if (!impl_.problem.constraints.moments.empty()) faithful_ = faithful_ && !g.own;
     if (form_) g.constraints = formOf(*g.model, coarseTargets_);
     else g.constraints = std::make_unique<MeshConstraints>(*g.model, coarseTargets_, impl_.problem.constraints.moments, impl_.extent);

@@ -74,6 +74,7 @@ void Options::validate() const {
   requirePositive("first_penalty", a.firstPenalty);
   requireInRange("largest_penalty", a.largestPenalty, a.firstPenalty, 1e30);
   requireInRange("max_steps", a.maxSteps, 1, 1e9);
+  requireInRange("max_saddles", a.maxSaddles, 0, 1e6);
   requireInRange("max_iterations", exact.maxIterations, 1, 1e9);
   requirePositive("gradient", exact.gradient);
   requirePositive("deviation", exact.deviation);

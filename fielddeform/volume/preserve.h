@@ -42,6 +42,8 @@ struct AugmentedLagrangianOptions {
   double largestPenalty = 1e5;   ///< mu's bound
   int maxSteps = 2000;           ///< inner steps of one level
   bool multiLevel = true;        ///< false: the finest mesh only
+  /// Times that a saddle is left along its direction of descent (up to 600 free variables). 0: as the paper, whose method stops there.
+  int maxSaddles = 5;
 };
 
 /// Where the exact solver takes its volumes.

@@ -19,17 +19,41 @@ class Planner {
     for (std::size_t c = 0; c < triangles.size(); ++c) corner_[place[triangles[c]]++] = c;
   }
 
-  /// Owners of whole rings first, then of what they leave, the larger shares first.
+  /// Owners of whole rings first, each next to the one before (the third colour of a regular triangulation owns everything);
+  /// then owners of what these leave, the larger shares first.
   void run() {
     plan_.start.assign(1, 0);
-    for (const std::size_t least : {std::size_t{0}, std::size_t{4}, std::size_t{3}, std::size_t{2}, std::size_t{1}})
-      for (std::size_t v = 0; v + 1 < start_.size(); ++v) {
-        const std::size_t whole = start_[v + 1] - start_[v], needed = least == 0 ? std::max<std::size_t>(whole, 3) : least;
-        if (left_[v] >= needed) own(static_cast<Index>(v));
+    std::vector<Index> queue;
+    for (std::size_t seed = 0; seed + 1 < start_.size(); ++seed) {
+      queue.assign(1, static_cast<Index>(seed));
+      for (std::size_t next = 0; next < queue.size(); ++next) {
+        const Index v = queue[next];
+        const std::size_t whole = start_[v + 1] - start_[v];
+        if (left_[v] < std::max<std::size_t>(whole, 3) || whole > kLargestRing) continue;
+        for (std::size_t i = start_[v]; i < start_[v + 1]; ++i) {
+          const Index across = opposite(corner_[i]);
+          if (across != kNoIndex && left_[across] == start_[across + 1] - start_[across]) queue.push_back(across);
+        }
+        own(v);
       }
+    }
+    for (const std::size_t least : {std::size_t{4}, std::size_t{3}, std::size_t{2}, std::size_t{1}})
+      for (std::size_t v = 0; v + 1 < start_.size(); ++v)
+        if (left_[v] >= least) own(static_cast<Index>(v));
   }
 
  private:
+  /// The vertex of the next triangle across the side that a corner looks at.
+  Index opposite(std::size_t corner) const {
+    const std::size_t t = corner / 3 * 3, k = corner - t;
+    const Index b = triangles_[t + (k + 1) % 3], c = triangles_[t + (k + 2) % 3];
+    for (std::size_t i = start_[b]; i < start_[b + 1] && i < start_[b] + kLargestRing; ++i) {
+      const std::size_t other = corner_[i] / 3 * 3, at = corner_[i] - other;
+      if (triangles_[other + (at + 2) % 3] == c) return triangles_[other + (at + 1) % 3];
+    }
+    return kNoIndex;
+  }
+
   void own(Index v) {
     edges_.clear();
     for (std::size_t i = start_[v]; i < start_[v + 1]; ++i) {
