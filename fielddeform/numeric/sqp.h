@@ -13,6 +13,7 @@ struct SqpOptions {
   double radius = 0.5;         ///< of the first trust region
   double saddleStep = 0.02;    ///< length of the step that leaves a saddle
   int maxSaddles = 5;          ///< 0: the point is taken as it is
+  bool lookForSaddles = true;  ///< false: negative curvature is not even looked for
   int maxInner = 200;          ///< conjugate-gradient steps of one iteration (sparse)
 };
 struct SqpReport {
@@ -38,7 +39,8 @@ SqpReport sqp(ConstrainedProblem& problem, Eigen::VectorXd& x, const SqpOptions&
 std::optional<Eigen::VectorXd> negativeCurvature(ConstrainedProblem& problem, const Eigen::VectorXd& x, const Eigen::VectorXd& multiplier, double least = 1e-7);
 
 /// The same iteration for many variables: projected conjugate gradients (Steihaug's way with negative curvature) and least
-/// squares in the metric of problem.precondition(). Saddles without residual are not looked for.
+/// squares in the metric of problem.precondition(). Saddles are looked for by some Lanczos steps
+/// in that metric: of several directions of descent they find the strongest, and one weaker than 1e-4 may escape them.
 /// [Gould, Hribar & Nocedal 2001]
 SqpReport sparseSqp(ConstrainedProblem& problem, Eigen::VectorXd& x, const SqpOptions& options, const SqpStep& onStep = {});
 

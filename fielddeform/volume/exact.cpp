@@ -39,7 +39,7 @@ class ExactSolve {
     const bool twoGrid = useTwoGrids();
     if (!twoGrid && canFormFine()) {
       Grid form = fineForm();
-      Eigen::VectorXd x = firstSolve(*form.constraints, *form.constraints, tolerance(1), impl_.levels.size() - 1);
+      Eigen::VectorXd x = firstSolve(*form.constraints, *form.constraints, tolerance(1), impl_.levels.size() - 1, fineVolumes());
       solved_.x = std::move(x);
       return std::move(solved_);
     }
@@ -48,17 +48,19 @@ class ExactSolve {
     if (twoGrid) {
       coarse = coarseGrid();
       // Where the coarse copy is a caricature (thin parts merged), the first solve is left out.
-      x = faithful_ ? firstSolve(*coarse->constraints, *coarse->constraints, tolerance(1e4), coarseLevel_) : impl_.core(start_).variablesOf(start_);
+      x = faithful_ ? firstSolve(*coarse->constraints, *coarse->constraints, tolerance(1e4), coarseLevel_, {coarseTargets_, coarseBase_}) : impl_.core(start_).variablesOf(start_);
     } else {
       x = impl_.core(start_).variablesOf(start_);
     }
     if (!twoGrid || !faithful_) {
       NodeConstraints& curvature = twoGrid ? *coarse->constraints : fine_;
-      x = firstSolve(fine_, curvature, tolerance(1), impl_.levels.size() - 1);
+      x = firstSolve(fine_, curvature, tolerance(1), impl_.levels.size() - 1, fineVolumes());
     }
     const Core core = impl_.core(start_);
     auto polish = [&](NodeConstraints& values, NodeConstraints& curvature) {
-      return minimize(core, values, curvature, x, tolerance(1), impl_.levels.size() - 1);
+      numeric::SqpOptions last = tolerance(1);
+      last.lookForSaddles = !twoGrid || !faithful_;  // with the same second derivatives as in the first solve
+      return minimize(core, values, curvature, x, last, impl_.levels.size() - 1);
     };
     numeric::SqpReport report = polish(fine_, twoGrid ? *coarse->constraints : fine_);
     if (!report.converged && twoGrid) {  // second derivatives of the coarse copy were not good enough
@@ -75,6 +77,20 @@ class ExactSolve {
   }
 
  private:
+  /// Target volumes, and what the same surface's regions have at d = 0.
+  struct Volumes {
+    std::vector<VolumeTarget> target;
+    std::vector<double> base;
+
+    /// Part of the way from these to the targets.
+    std::vector<VolumeTarget> at(double load) const {
+      std::vector<VolumeTarget> out = target;
+      for (VolumeTarget& t : out) t.target = base[t.region] + load * (t.target - base[t.region]);
+      return out;
+    }
+  };
+  Volumes fineVolumes() const { return {impl_.targets(impl_.levels.size() - 1), impl_.baseVolume.back()}; }
+
   numeric::SqpOptions tolerance(double factor) const {
     numeric::SqpOptions out;
     out.maxIterations = options_.exact.maxIterations;
@@ -120,7 +136,8 @@ class ExactSolve {
       g.model = g.own.get();
       coarseLevel_ = impl_.levels.size() - 1;
     }
-    coarseTargets_ = coarseTargets(impl_, g.own ? g.model->volume().values(g.model->base()) : impl_.baseVolume[coarseLevel_], faithful_);
+    coarseBase_ = g.own ? g.model->volume().values(g.model->base()) : impl_.baseVolume[coarseLevel_];
+    coarseTargets_ = coarseTargets(impl_, coarseBase_, faithful_);
     if (!impl_.problem.constraints.moments.empty()) faithful_ = faithful_ && !g.own;
     if (form_) g.constraints = formOf(*g.model, coarseTargets_);
     else g.constraints = std::make_unique<MeshConstraints>(*g.model, coarseTargets_, impl_.problem.constraints.moments, impl_.extent);
@@ -143,13 +160,14 @@ class ExactSolve {
   }
 
   /// From the start, or from jittered ones, in parts of the load: the least energy among those that converged.
-  Eigen::VectorXd firstSolve(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level) {
+  Eigen::VectorXd firstSolve(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level,
+                             const Volumes& volumes) {
     const Core core = impl_.core(start_);
     Eigen::VectorXd best;
     double bestEnergy = 0;
     numeric::SqpReport bestReport;
     for (int s = 0; s < options_.exact.starts; ++s) {
-      Eigen::VectorXd x = options_.exact.loadSteps > 1 && s == 0 ? loaded(values, curvature, options, level) : core.variablesOf(start_);
+      Eigen::VectorXd x = options_.exact.loadSteps > 1 && s == 0 ? loaded(values, curvature, options, level, volumes) : core.variablesOf(start_);
       if (s > 0) {
         const double width = options_.exact.jitter * impl_.extent / impl_.size;
         for (Eigen::Index k = 0; k < x.size(); ++k)
@@ -170,8 +188,9 @@ class ExactSolve {
     return best;
   }
 
-  /// The pinned nodes and targets are applied in parts, each solved from the one before.
-  Eigen::VectorXd loaded(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level) {
+  /// The pinned nodes, targets and volumes are applied in parts, each solved from the one before.
+  Eigen::VectorXd loaded(NodeConstraints& values, NodeConstraints& curvature, const numeric::SqpOptions& options, std::size_t level,
+                         const Volumes& volumes) {
     Eigen::VectorXd x;
     const int parts = options_.exact.loadSteps;
     for (int k = 1; k < parts; ++k) {
@@ -179,11 +198,13 @@ class ExactSolve {
       std::vector<Vec3> part(start_);
       for (Vec3& d : part) d *= load;
       const Core core = impl_.core(part, load);
+      values.retarget(volumes.at(load));
       if (k == 1) x = core.variablesOf(part);
       core.meetLinear(x);
       const numeric::SqpReport report = minimize(core, values, curvature, x, options, level);
       solved_.iterations += report.iterations, solved_.saddles += report.saddles;
     }
+    values.retarget(volumes.target);
     return x;
   }
 
@@ -202,6 +223,7 @@ class ExactSolve {
   std::size_t formNodes_ = 0;
   std::size_t coarseLevel_ = 0;
   std::vector<VolumeTarget> coarseTargets_;
+  std::vector<double> coarseBase_;  ///< a region: the coarse copy's volume at d = 0
   Solved solved_;
 };
 

@@ -58,7 +58,7 @@ struct ExactOptions {
   double deviation = 1e-12;      ///< |V / V_target - 1|
   int maxSaddles = 5;            ///< times that a saddle is left along its direction of descent
   Grids grids = Grids::Auto;
-  int loadSteps = 1;             ///< pinned displacements and point targets are applied in so many parts
+  int loadSteps = 1;             ///< pinned displacements, point targets and volumes are applied in so many parts
   int starts = 1;                ///< the given start and starts - 1 jittered ones: the least energy wins
   double jitter = 0.1;           ///< of the size
   std::uint64_t seed = 0;

@@ -2,6 +2,7 @@
 #include <fielddeform/core/random.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/volume/preserve.h>
+#include <fielddeform/volume/surface_volume.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -173,6 +174,36 @@ TEST(Hirota, LoadStepsReachTheSameVolume) {
   const Result r = solve(tests::clubBent(170, 2), {.exact = {.loadSteps = 5}});
   EXPECT_EQ(r.report.outcome, Outcome::Converged);
   EXPECT_LE(std::abs(r.report.volumes[0].deviation()), 1e-12);
+}
+
+TEST(Hirota, LoadStepsRampTheVolumesToo) {
+  // Twice the volume in four parts: the first part's end is a quarter of the way, seen from outside at its last step.
+  VolumeCase c = tests::clubCompression(3);
+  const double base = SurfaceVolume(c.mesh.positions(), c.mesh.triangles()).value(c.mesh.positions());
+  c.problem.constraints.volume = {2 * base};
+  for (const Grids grids : {Grids::Fine, Grids::Two}) {
+    Options o{.exact = {.grids = grids, .loadSteps = 4}};
+    std::vector<double> off;
+    o.onStep = [&](const Step& s) { off.push_back(s.deviation); };
+    const Result ramped = solve(c, o), once = solve(c, {.exact = {.grids = grids}});
+    EXPECT_LE(std::abs(ramped.report.volumes[0].deviation()), 1e-12);
+    EXPECT_NEAR(ramped.report.volumes[0].after, 2 * base, 1e-11 * base);
+    EXPECT_NEAR(ramped.report.energy, once.report.energy, 1e-6 * once.report.energy);  // here both end at the same minimum
+    ASSERT_FALSE(off.empty());
+    EXPECT_LT(off.front(), 0.3);  // of a quarter of the load; of all at once it starts at a half
+  }
+}
+
+TEST(Hirota, PinnedNodesArePartOfTheBase) {
+  // 12 of 20 nodes are free: the form of 15 nodes gives what all 20 give on the mesh itself.
+  VolumeCase c = tests::clubCompression(3);
+  const Result form = solve(c, {.exact = {.grids = Grids::Fine}});
+  Options o{.exact = {.grids = Grids::Fine}};
+  VolumeCase moments = c;  // a free centre of mass asked for where it is: no form, the same solution
+  moments.problem.constraints.moments = {{.region = 0}};
+  const Result mesh = solve(moments, o);
+  EXPECT_NEAR(form.report.energy, mesh.report.energy, 1e-9 * mesh.report.energy);
+  for (std::size_t i = 0; i < form.displacements.size(); ++i) EXPECT_LT((form.displacements[i] - mesh.displacements[i]).norm(), 1e-6);
 }
 
 int diverged(const VolumeCase& c, int starts, int& most) {

@@ -22,6 +22,8 @@ class NodeConstraints {
   using Matrix = Eigen::MatrixXd;
   virtual ~NodeConstraints() = default;
   virtual Eigen::Index count() const = 0;
+  /// Other target volumes of the same regions and scales.
+  virtual void retarget(std::vector<VolumeTarget> volumes) = 0;
   virtual void values(Points d, Vector& c) = 0;
   /// @param jacobian 3N by count(): column k is dc_k/dd
   virtual void derivatives(Points d, Vector& c, Matrix& jacobian) = 0;
@@ -40,6 +42,7 @@ class MeshConstraints final : public NodeConstraints {
  public:
   MeshConstraints(const MeshModel& model, std::vector<VolumeTarget> volumes, std::vector<MomentTarget> moments, double size);
   Eigen::Index count() const override { return count_; }
+  void retarget(std::vector<VolumeTarget> volumes) override { volumes_ = std::move(volumes), known_ = false; }
   void values(Points d, Vector& c) override;
   void derivatives(Points d, Vector& c, Matrix& jacobian) override;
   void weightedGradient(Points d, const std::function<Vector(const Vector& c)>& weights, Vector& c, std::span<Vec3> out) override;
@@ -91,7 +94,7 @@ class FormConstraints final : public NodeConstraints {
   static FormConstraints ofFree(const MeshModel& model, Points positions, Points start, std::span<const Index> free,
                                 std::vector<VolumeTarget> volumes);
 
-  void retarget(std::vector<VolumeTarget> volumes) { volumes_ = std::move(volumes); }
+  void retarget(std::vector<VolumeTarget> volumes) override { volumes_ = std::move(volumes); }
   Eigen::Index count() const override { return static_cast<Eigen::Index>(volumes_.size()); }
   void values(Points d, Vector& c) override;
   void derivatives(Points d, Vector& c, Matrix& jacobian) override;

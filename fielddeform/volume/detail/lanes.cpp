@@ -7,8 +7,7 @@ namespace {
 using fielddeform::detail::SimdLevel;
 using fielddeform::detail::simdLevel;
 
-typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+using fielddeform::detail::Two, fielddeform::detail::Four;
 
 // By way of a class: a template argument loses its attributes.
 struct Baseline {
