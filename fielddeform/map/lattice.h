@@ -87,6 +87,7 @@ class LatticeMap final : public LinearMap {
   Points restNodes() const override;
   Points displacements() const override;
   SparseRows basis(const Binding& binding) const override;
+  SparseRows basisAt(const Binding& binding, std::span<const Index> points) const override;
   void combine(const Binding& binding, Points nodeValues, std::span<Vec3> out) const override;
   void gather(const Binding& binding, Points pointValues, std::span<Vec3> out) const override;
   std::unique_ptr<LinearMap> withDisplacements(Points displacements) const override;

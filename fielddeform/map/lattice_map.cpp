@@ -168,28 +168,44 @@ std::size_t LatticeMap::nodeCount() const { return model_->rest().size(); }
 Points LatticeMap::restNodes() const { return model_->rest(); }
 Points LatticeMap::displacements() const { return *displacements_; }
 
+namespace {
+
+/// Appends the rows of the bound points begin .. begin + count.
+void addRows(const LatticeModel& model, const LatticeBinding& bound, std::size_t begin, std::size_t count, LatticeModel::Scratch& scratch, SparseRows& rows) {
+  const detail::Shape& shape = model.shape();
+  model.weights(bound, begin, count, scratch);
+  const Cell* cell = model.cells(bound, begin);
+  for (std::size_t p = 0; p < count; ++p) {
+    const double* w = &scratch.weight[p * shape.stride];
+    for (std::size_t k = 0; k < shape.support[2]; ++k)
+      for (std::size_t j = 0; j < shape.support[1]; ++j)
+        for (std::size_t i = 0; i < shape.support[0]; ++i) {
+          const double value = w[i] * (w[shape.at[1] + j] * w[shape.at[2] + k]);
+          if (value == 0) continue;
+          rows.column.push_back(static_cast<Index>(model.row(cell[p], j, k) + i));
+          rows.value.push_back(value);
+        }
+    rows.start.push_back(rows.column.size());
+  }
+}
+
+}  // namespace
+
 SparseRows LatticeMap::basis(const Binding& binding) const {
   const LatticeBinding& bound = boundBy(binding, model_);
-  const detail::Shape& shape = model_->shape();
   SparseRows rows;
   rows.columns = nodeCount();
   rows.start.reserve(bound.size() + 1);
-  forBlocks(*model_, 0, bound.size(), [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) {
-    model_->weights(bound, b, count, scratch);
-    const Cell* cell = model_->cells(bound, b);
-    for (std::size_t p = 0; p < count; ++p) {
-      const double* w = &scratch.weight[p * shape.stride];
-      for (std::size_t k = 0; k < shape.support[2]; ++k)
-        for (std::size_t j = 0; j < shape.support[1]; ++j)
-          for (std::size_t i = 0; i < shape.support[0]; ++i) {
-            const double value = w[i] * (w[shape.at[1] + j] * w[shape.at[2] + k]);
-            if (value == 0) continue;
-            rows.column.push_back(static_cast<Index>(model_->row(cell[p], j, k) + i));
-            rows.value.push_back(value);
-          }
-      rows.start.push_back(rows.column.size());
-    }
-  });
+  forBlocks(*model_, 0, bound.size(), [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) { addRows(*model_, bound, b, count, scratch, rows); });
+  return rows;
+}
+
+SparseRows LatticeMap::basisAt(const Binding& binding, std::span<const Index> points) const {
+  const LatticeBinding& bound = boundBy(binding, model_);
+  SparseRows rows;
+  rows.columns = nodeCount();
+  LatticeModel::Scratch scratch(*model_);
+  for (const Index p : points) addRows(*model_, bound, p, 1, scratch, rows);
   return rows;
 }
 

@@ -1,4 +1,5 @@
 // Lattices as Wavefront OBJ: the nodes as vertices in node order, the grid as lines, the rest in comments.
+#include <fielddeform/core/detail/words.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_writer.h>
 #include <fielddeform/map/lattice_io.h>
@@ -13,7 +14,7 @@
 namespace fielddeform::map {
 namespace {
 
-constexpr std::string_view kBlank = " \t\r\v\f";
+using fielddeform::detail::kBlank;
 constexpr std::string_view kTitle = "fielddeform lattice";
 // Statements that say nothing about where nodes stand.
 constexpr std::array<std::string_view, 19> kIgnored = {"p",  "l",  "f",  "o",      "vt",     "vn",     "vp",  "g",     "s",       "usemtl",
@@ -65,14 +66,7 @@ class Scanner {
     throw IoError(path_, position, "", std::move(found), std::move(expected));
   }
 
-  std::string_view word() {
-    const std::size_t begin = words_.find_first_not_of(kBlank);
-    if (begin == std::string_view::npos) return words_ = {};
-    words_.remove_prefix(begin);
-    const std::string_view w = words_.substr(0, words_.find_first_of(kBlank));
-    words_.remove_prefix(w.size());
-    return w;
-  }
+  std::string_view word() { return fielddeform::detail::takeWord(words_); }
 
   double number(const char* what) {
     std::string_view w = word(), digits = w;

@@ -32,6 +32,10 @@ class LinearMap : public SpaceMap {
   /// for few points (targets) or few nodes; combine() and gather() need no matrix.
   virtual SparseRows basis(const Binding& binding) const = 0;
 
+  /// The same rows of some bound points alone, in their order: #points rows. By default picked from basis(), which has all.
+  /// @param points below the binding's size
+  virtual SparseRows basisAt(const Binding& binding, std::span<const Index> points) const;
+
   /// out_p = sum_i phi_i(p) nodeValues_i: B v.
   /// @param nodeValues #N by 3    @param out #P by 3, overwritten
   virtual void combine(const Binding& binding, Points nodeValues, std::span<Vec3> out) const = 0;

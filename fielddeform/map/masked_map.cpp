@@ -108,24 +108,33 @@ void MaskedMap::gather(const Binding& binding, Points pointValues, std::span<Vec
   for (std::size_t i = 0; i < nodes_->size(); ++i) out[i] = all[(*nodes_)[i]];
 }
 
-SparseRows MaskedMap::basis(const Binding& binding) const {
-  const Bound& b = own(binding);
-  const SparseRows inner = b.map->basis(*b.inner);
+SparseRows MaskedMap::masked(const SparseRows& inner, const std::function<double(std::size_t)>& mask) const {
   std::vector<Index> own(nodes_ ? map_->nodeCount() : 0, kNoIndex);
   for (Index i = 0; nodes_ && i < nodes_->size(); ++i) own[(*nodes_)[i]] = i;
   SparseRows out;
   out.columns = nodeCount();
   for (std::size_t r = 0; r < inner.rows(); ++r) {
+    const double m = mask(r);
     for (std::size_t k = inner.start[r]; k < inner.start[r + 1]; ++k) {
       const Index column = nodes_ ? own[inner.column[k]] : inner.column[k];
-      const double value = b.mask[r] * inner.value[k];
-      if (column == kNoIndex || b.mask[r] == 0 || value == 0) continue;
+      const double value = m * inner.value[k];
+      if (column == kNoIndex || m == 0 || value == 0) continue;
       out.column.push_back(column);
       out.value.push_back(value);
     }
     out.start.push_back(out.column.size());
   }
   return out;
+}
+
+SparseRows MaskedMap::basis(const Binding& binding) const {
+  const Bound& b = own(binding);
+  return masked(b.map->basis(*b.inner), [&](std::size_t r) { return b.mask[r]; });
+}
+
+SparseRows MaskedMap::basisAt(const Binding& binding, std::span<const Index> points) const {
+  const Bound& b = own(binding);
+  return masked(b.map->basisAt(*b.inner, points), [&](std::size_t r) { return b.mask[points[r]]; });
 }
 
 void MaskedMap::apply(const Binding& binding, MapOutput out, Progress& progress) const {

@@ -2,6 +2,7 @@
 
 #include <fielddeform/map/linear_map.h>
 
+#include <functional>
 #include <vector>
 
 namespace fielddeform::map {
@@ -33,6 +34,7 @@ class MaskedMap final : public LinearMap {
   Points restNodes() const override { return *restNodes_; }
   Points displacements() const override { return displacements_; }
   SparseRows basis(const Binding& binding) const override;
+  SparseRows basisAt(const Binding& binding, std::span<const Index> points) const override;
   void combine(const Binding& binding, Points nodeValues, std::span<Vec3> out) const override;
   void gather(const Binding& binding, Points pointValues, std::span<Vec3> out) const override;
   std::unique_ptr<LinearMap> withDisplacements(Points displacements) const override;
@@ -41,6 +43,7 @@ class MaskedMap final : public LinearMap {
   struct Bound;
   const Bound& own(const Binding& binding) const;
   std::vector<Vec3> spread(Points nodeValues) const;
+  SparseRows masked(const SparseRows& inner, const std::function<double(std::size_t)>& mask) const;
 
   std::shared_ptr<const LinearMap> map_;
   std::shared_ptr<const std::vector<Index>> nodes_;  // null: all

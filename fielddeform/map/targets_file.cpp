@@ -1,3 +1,4 @@
+#include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/map/targets_file.h>
 #include <fmt/format.h>
@@ -5,8 +6,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
 namespace fielddeform::map {
 namespace {
@@ -146,14 +145,6 @@ class Table {
   bool headerSeen_ = false;
 };
 
-std::string readText(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (!file || std::filesystem::is_directory(path) || !(text << file.rdbuf() || file.peek() == EOF))
-    throw IoError(path, "cannot be read");
-  return std::move(text).str();
-}
-
 }  // namespace
 
 std::vector<PointTarget> parseTargets(std::string_view text, const std::filesystem::path& path, Points vertices) {
@@ -185,10 +176,10 @@ std::vector<Vec3> parsePins(std::string_view text, const std::filesystem::path& 
 }
 
 std::vector<PointTarget> readTargets(const std::filesystem::path& path, Points vertices) {
-  return parseTargets(readText(path), path, vertices);
+  return parseTargets(readTextFile(path), path, vertices);
 }
 std::vector<Vec3> readPins(const std::filesystem::path& path, Points vertices) {
-  return parsePins(readText(path), path, vertices);
+  return parsePins(readTextFile(path), path, vertices);
 }
 
 }  // namespace fielddeform::map

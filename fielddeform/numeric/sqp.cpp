@@ -121,6 +121,7 @@ class Sqp {
   void widen(double length) { radius_ = std::clamp(2 * length, radius_, 8 * options_.radius); }
 
   bool leaveSaddle() {
+    if (!options_.lookForSaddles) return false;
     steps_.linearize(at_.x, at_.multiplier);
     const auto direction = steps_.negativeCurvature();
     if (!direction) return false;

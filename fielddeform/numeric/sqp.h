@@ -2,6 +2,8 @@
 
 #include <fielddeform/numeric/constrained.h>
 
+#include <optional>
+
 namespace fielddeform::numeric {
 
 struct SqpOptions {
@@ -11,6 +13,7 @@ struct SqpOptions {
   double radius = 0.5;         ///< of the first trust region
   double saddleStep = 0.02;    ///< length of the step that leaves a saddle
   int maxSaddles = 5;          ///< 0: the point is taken as it is
+  bool lookForSaddles = true;  ///< false: negative curvature is not even looked for
   int maxInner = 200;          ///< conjugate-gradient steps of one iteration (sparse)
 };
 struct SqpReport {
@@ -31,8 +34,13 @@ using SqpStep = std::function<void(const Eigen::VectorXd& x, double f, const Eig
 /// that eigenvector and goes on. Dense: for up to a few hundred variables; O(n^3) an iteration.
 SqpReport sqp(ConstrainedProblem& problem, Eigen::VectorXd& x, const SqpOptions& options, const SqpStep& onStep = {});
 
+/// A unit vector within the constraints' null space along which f + multiplier . c curves down by more than `least` at x, if
+/// there is one: the least eigenvalue's. Dense, no evaluation but one of the derivatives and the Hessian.
+std::optional<Eigen::VectorXd> negativeCurvature(ConstrainedProblem& problem, const Eigen::VectorXd& x, const Eigen::VectorXd& multiplier, double least = 1e-7);
+
 /// The same iteration for many variables: projected conjugate gradients (Steihaug's way with negative curvature) and least
-/// squares in the metric of problem.precondition(). Saddles without residual are not looked for.
+/// squares in the metric of problem.precondition(). Saddles are looked for by some Lanczos steps
+/// in that metric: of several directions of descent they find the strongest, and one weaker than 1e-4 may escape them.
 /// [Gould, Hribar & Nocedal 2001]
 SqpReport sparseSqp(ConstrainedProblem& problem, Eigen::VectorXd& x, const SqpOptions& options, const SqpStep& onStep = {});
 

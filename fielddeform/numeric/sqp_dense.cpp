@@ -58,6 +58,8 @@ class DenseSteps final : public detail::SqpSteps {
     if (n_ > rank_) {
       if (definite_) {
         t.tail(n_ - rank_) = -cholesky_.solve(reduced);
+      } else if (const auto newton = conjugate(reduced)) {
+        t.tail(n_ - rank_) = *newton;
       } else {
         decompose();
         const Vector along = eigen_.eigenvectors().transpose() * reduced;
@@ -69,10 +71,11 @@ class DenseSteps final : public detail::SqpSteps {
     return t;
   }
 
-  std::optional<Vector> negativeCurvature() override {
+  std::optional<Vector> negativeCurvature() override { return negativeCurvature(1e-7); }
+  std::optional<Vector> negativeCurvature(double least) {
     if (definite_) return {};
     decompose();
-    if (!(eigen_.eigenvalues()[0] < -1e-7)) return {};
+    if (!(eigen_.eigenvalues()[0] < -least)) return {};
     Vector v = Vector::Zero(n_);
     v.tail(n_ - rank_) = eigen_.eigenvectors().col(0);
     v.applyOnTheLeft(qr_.householderQ());
@@ -83,6 +86,26 @@ class DenseSteps final : public detail::SqpSteps {
 
  private:
   Matrix inner() const { return turned_.bottomRightCorner(n_ - rank_, n_ - rank_); }
+  /// The Newton step by conjugate gradients, if the slope holds nothing of the directions of negative curvature, as on the way
+  /// to a symmetric saddle: a tenth of the eigenvectors' work.
+  std::optional<Vector> conjugate(const Vector& slope) const {
+    const auto h = turned_.bottomRightCorner(n_ - rank_, n_ - rank_);
+    Vector t = Vector::Zero(slope.size()), r = slope, p = -slope, hp;
+    double rr = r.squaredNorm();
+    const double target = 1e-24 * rr;
+    for (Eigen::Index i = 0; i < 2 * slope.size(); ++i) {
+      if (rr <= target) return t;
+      hp.noalias() = h * p;
+      const double curvature = p.dot(hp);
+      if (!(curvature > 1e-3 * p.squaredNorm())) return {};
+      const double alpha = rr / curvature;
+      t += alpha * p, r += alpha * hp;
+      const double next = r.squaredNorm();
+      p = next / rr * p - r;
+      rr = next;
+    }
+    return {};
+  }
   void decompose() {
     if (!decomposed_) eigen_.compute(inner());
     decomposed_ = true;
@@ -102,6 +125,16 @@ class DenseSteps final : public detail::SqpSteps {
 SqpReport sqp(ConstrainedProblem& problem, Vector& x, const SqpOptions& options, const SqpStep& onStep) {
   DenseSteps steps(problem);
   return detail::runSqp(problem, steps, x, options, onStep);
+}
+
+std::optional<Vector> negativeCurvature(ConstrainedProblem& problem, const Vector& x, const Vector& multiplier, double least) {
+  Vector gradient, c, ignored, reduced;
+  Matrix jacobian;
+  problem.derivatives(x, gradient, c, jacobian);
+  DenseSteps steps(problem);
+  steps.project(gradient, jacobian, ignored, reduced);
+  steps.linearize(x, multiplier);
+  return steps.negativeCurvature(least);
 }
 
 }  // namespace fielddeform::numeric

@@ -1,12 +1,19 @@
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <fielddeform/core/random.h>
 #include <fielddeform/numeric/detail/sqp_steps.h>
 
 #include <cmath>
+#include <utility>
+#include <vector>
 
 namespace fielddeform::numeric {
 namespace {
 
 using detail::Matrix, detail::Vector;
+
+constexpr Eigen::Index kLanczosSteps = 30;
+constexpr double kNegative = 1e-4;  // of the unit of curvature: motions that cost nothing round to less
 
 /// Null-space projections in the metric M of the preconditioner: with W = M^-1 A^T and C = A W,
 /// r -> M^-1 r - W C^-1 W^T r.
@@ -71,7 +78,42 @@ class SparseSteps final : public detail::SqpSteps {
     return t;
   }
 
-  std::optional<Vector> negativeCurvature() override { return {}; }
+  /// The least Ritz vector of the preconditioned Hessian on the null space, from a start without symmetries.
+  std::optional<Vector> negativeCurvature() override {
+    const Eigen::Index n = w_.rows();
+    std::vector<Vector> basis, dual;  // v_k, and M v_k
+    Vector r(n);
+    for (Eigen::Index i = 0; i < n; ++i) r[i] = uniform01(1, static_cast<std::uint64_t>(i)) - 0.5;
+    Matrix t = Matrix::Zero(kLanczosSteps, kLanczosSteps);
+    Eigen::SelfAdjointEigenSolver<Matrix> eigen;
+    double least = 0;
+    for (Eigen::Index k = 0; k < kLanczosSteps; ++k) {
+      const Vector z = projected(r);
+      const double square = r.dot(z);
+      if (!(square > 1e-24) || !std::isfinite(square)) break;
+      const double length = std::sqrt(square);
+      if (k > 0) t(k, k - 1) = t(k - 1, k) = length;
+      basis.push_back(z / length), dual.push_back(r / length);
+      r = hessianTimes(basis.back());
+      t(k, k) = basis.back().dot(r);
+      for (int pass = 0; pass < 2; ++pass)
+        for (std::size_t j = 0; j < basis.size(); ++j) r -= basis[j].dot(r) * dual[j];
+      if (k % 5 != 4 && k + 1 < kLanczosSteps) continue;
+      eigen.compute(t.topLeftCorner(k + 1, k + 1));
+      const double before = std::exchange(least, eigen.eigenvalues()[0]);
+      if (std::abs(least - before) <= 1e-2 * std::abs(least)) break;
+    }
+    if (basis.empty()) return {};
+    const auto m = static_cast<Eigen::Index>(basis.size());
+    eigen.compute(t.topLeftCorner(m, m));
+    Vector v = Vector::Zero(n);
+    for (Eigen::Index k = 0; k < m; ++k) v += eigen.eigenvectors()(k, 0) * basis[static_cast<std::size_t>(k)];
+    v.normalize();
+    if (!(v.dot(hessianTimes(v)) < -kNegative)) return {};
+    Eigen::Index first = 0;
+    v.cwiseAbs().maxCoeff(&first);
+    return v[first] < 0 ? Vector(-v) : v;
+  }
 
  private:
   Vector projected(const Vector& r) {

@@ -1,3 +1,4 @@
+#include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/scene/mask.h>
@@ -5,8 +6,6 @@
 
 #include <charconv>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
 namespace fielddeform::scene {
 namespace {
@@ -28,16 +27,8 @@ std::vector<double> fromAttribute(const std::string& name, const mesh::Mesh& mes
   return values;
 }
 
-std::string readText(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (!file || std::filesystem::is_directory(path) || !(text << file.rdbuf() || file.peek() == EOF))
-    throw IoError(path, "cannot be read");
-  return std::move(text).str();
-}
-
 std::vector<double> fromFile(const std::filesystem::path& path, std::size_t count) {
-  const std::string text = readText(path);
+  const std::string text = readTextFile(path);
   std::vector<double> values;
   std::uint64_t line = 1;
   const char* at = text.data();

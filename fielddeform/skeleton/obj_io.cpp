@@ -1,3 +1,4 @@
+#include <fielddeform/core/detail/words.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_writer.h>
 #include <fielddeform/skeleton/detail/obj_objects.h>
@@ -13,7 +14,7 @@
 namespace fielddeform::skeleton::detail {
 namespace {
 
-constexpr std::string_view kBlank = " \t\r\v\f";
+using fielddeform::detail::kBlank;
 // Statements of modellers that say nothing about a skeleton's shape.
 constexpr std::array<std::string_view, 15> kIgnored = {"vt",     "vn",  "vp",    "g",        "s",        "usemtl",     "mtllib", "usemap",
                                                        "maplib", "lod", "bevel", "c_interp", "d_interp", "shadow_obj", "trace_obj"};
@@ -69,14 +70,7 @@ class ObjScanner {
     }
   }
 
-  std::string_view word() {
-    const std::size_t begin = words_.find_first_not_of(kBlank);
-    if (begin == std::string_view::npos) return words_ = {};
-    words_.remove_prefix(begin);
-    const std::string_view w = words_.substr(0, words_.find_first_of(kBlank));
-    words_.remove_prefix(w.size());
-    return w;
-  }
+  std::string_view word() { return fielddeform::detail::takeWord(words_); }
 
   void statement() {
     const std::string_view keyword = word();

@@ -1,10 +1,10 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/volume/cubic_form.h>
 #include <fielddeform/volume/detail/lanes.h>
+#include <fielddeform/volume/detail/wedge_plan.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <numeric>
 #include <stdexcept>
 
 namespace fielddeform::volume {
@@ -12,26 +12,38 @@ namespace {
 
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 constexpr std::size_t kMaxNodes = 400;   // 64 million numbers, 500 MB: far beyond where the form is worth while
-constexpr std::size_t kBlock = 64;       // vertices of one matrix product
-constexpr std::size_t kChunk = 16 * kBlock;
+constexpr std::size_t kBlock = 32;       // owners of one matrix product: their products stay in the nearest caches
+constexpr std::size_t kChunk = 32 * kBlock;
 
 /// Place of the pair (i, j), i < j, among the pairs in lexicographic order.
 std::size_t pairIndex(std::size_t n, std::size_t i, std::size_t j) { return i * (2 * n - i - 1) / 2 + (j - i - 1); }
 
-struct Rings {
+/// Adds the owners begin .. end of a plan to sums(i, jk) = sum_v basis(v, i) (sum b ^ c)_jk, stride by width.
+void addOwners(const detail::WedgeLayout& layout, const detail::WedgePlan& plan, const double* basis, std::size_t stride, std::size_t begin,
+               std::size_t end, std::vector<double>& sums) {
+  const auto n = static_cast<std::ptrdiff_t>(layout.n);
+  std::vector<double> rows, u, v, products(kBlock * layout.width);
   std::vector<std::size_t> start;
-  std::vector<std::array<Index, 2>> ends;
-
-  Rings(std::size_t vertices, std::span<const Index> triangles) : start(vertices + 1, 0), ends(triangles.size()) {
-    for (const Index v : triangles) ++start[v + 1];
-    std::partial_sum(start.begin(), start.end(), start.begin());
-    std::vector<std::size_t> place(start.begin(), start.end() - 1);
-    for (std::size_t c = 0; c < triangles.size(); ++c) {
-      const std::size_t t = c / 3 * 3, k = c - t;
-      ends[place[triangles[c]]++] = {triangles[t + (k + 1) % 3], triangles[t + (k + 2) % 3]};
+  for (std::size_t first = begin; first < end; first += kBlock) {
+    const std::size_t last = std::min(end, first + kBlock), base = plan.start[first], count = plan.start[last] - base;
+    rows.assign((last - first) * layout.stride, 0.0), u.assign(count * layout.stride, 0.0), v.assign(count * layout.stride, 0.0);
+    start.clear();
+    for (std::size_t o = first; o < last; ++o) {
+      std::copy_n(basis + plan.owner[o] * stride, n, rows.data() + (o - first) * layout.stride);
+      start.push_back(plan.start[o] - base);
     }
+    start.push_back(count);
+    for (std::size_t m = 0; m < count; ++m) {
+      const auto& p = plan.product[base + m];
+      const double *a = basis + p.first * stride, *b = p.minus == kNoIndex ? nullptr : basis + p.minus * stride;
+      double* to = u.data() + m * layout.stride;
+      for (std::size_t i = 0; i < layout.n; ++i) to[i] = b ? a[i] - b[i] : a[i];
+      std::copy_n(basis + p.second * stride, n, v.data() + m * layout.stride);
+    }
+    detail::wedgeRows(layout, u.data(), v.data(), start.data(), last - first, products.data());
+    detail::addOuter(layout, rows.data(), products.data(), last - first, sums.data());
   }
-};
+}
 
 }  // namespace
 
@@ -52,44 +64,35 @@ CubicForm::CubicForm(std::size_t nodes, const std::vector<double>& unique) : nod
 }
 
 CubicForm CubicForm::ofMesh(const Eigen::Ref<const RowMatrix>& basis, std::span<const Index> triangles) {
-  const auto n = static_cast<std::size_t>(basis.cols()), vertices = static_cast<std::size_t>(basis.rows());
-  if (n < 3 || n > kMaxNodes) throw std::invalid_argument(fmt::format("nodes is {}, expected 3 to {}", n, kMaxNodes));
+  const auto vertices = static_cast<std::size_t>(basis.rows());
   for (const Index v : triangles)
     if (v >= vertices) throw std::invalid_argument(fmt::format("triangles: vertex {} of {}", v, vertices));
-  const std::size_t pairs = n * (n - 1) / 2;
-  const Rings rings(vertices, triangles);
-  // C_i,jk = 1/6 sum_v basis(v, i) (sum over v's corners of basis(b) ^ basis(c))_jk; only i < j < k is needed, so rows i .. i+3
-  // take the pairs from (i + 1, i + 2) on.
-  const Eigen::Index rows = static_cast<Eigen::Index>(n), columns = static_cast<Eigen::Index>(pairs);
-  const RowMatrix zero = RowMatrix::Zero(rows, columns);
-  const RowMatrix sum = deterministicReduce(
-      vertices, kChunk, RowMatrix(),
+  return ofPlan(detail::WedgePlan(vertices, triangles), basis.data(), static_cast<std::size_t>(basis.cols()), static_cast<std::size_t>(basis.outerStride()));
+}
+
+CubicForm CubicForm::ofPlan(const detail::WedgePlan& plan, const double* basis, std::size_t n, std::size_t stride) {
+  if (n < 3 || n > kMaxNodes) throw std::invalid_argument(fmt::format("nodes is {}, expected 3 to {}", n, kMaxNodes));
+  const detail::WedgeLayout layout(n);
+  std::vector<double> sum = deterministicReduce(
+      plan.owner.size(), kChunk, std::vector<double>(),
       [&](std::size_t begin, std::size_t end) {
-        RowMatrix part = zero, wedge(static_cast<Eigen::Index>(kBlock), columns);
-        for (std::size_t first = begin; first < end; first += kBlock) {
-          const std::size_t count = std::min(kBlock, end - first);
-          wedge.setZero();
-          for (std::size_t v = 0; v < count; ++v)
-            for (std::size_t c = rings.start[first + v]; c < rings.start[first + v + 1]; ++c)
-              detail::addWedge(basis.row(static_cast<Eigen::Index>(rings.ends[c][0])).data(), basis.row(static_cast<Eigen::Index>(rings.ends[c][1])).data(),
-                       n, wedge.row(static_cast<Eigen::Index>(v)).data());
-          const auto phi = basis.middleRows(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(count));
-          for (std::size_t i = 0; i + 2 < n; i += 4) {
-            const auto height = static_cast<Eigen::Index>(std::min<std::size_t>(4, n - i));
-            const auto from = static_cast<Eigen::Index>(pairIndex(n, i + 1, i + 2));
-            part.block(static_cast<Eigen::Index>(i), from, height, columns - from).noalias() +=
-                phi.middleCols(static_cast<Eigen::Index>(i), height).transpose() *
-                wedge.topRows(static_cast<Eigen::Index>(count)).rightCols(columns - from);
-          }
-        }
+        std::vector<double> part(layout.stride * layout.width, 0.0);
+        addOwners(layout, plan, basis, stride, begin, end, part);
         return part;
       },
-      [](const RowMatrix& a, const RowMatrix& b) { return a.size() == 0 ? b : RowMatrix(a + b); });
+      [](std::vector<double> a, const std::vector<double>& b) {
+        if (a.empty()) return b;
+        for (std::size_t i = 0; i < a.size(); ++i) a[i] += b[i];
+        return a;
+      });
+  sum.resize(layout.stride * layout.width, 0.0);
+  // C_ijk = 1/6 sum_v det of columns i, j, k of (v; b; c), along v's row.
+  const auto m = [&](std::size_t i, std::size_t j, std::size_t k) { return sum[i * layout.width + layout.at(j, k)]; };
   std::vector<double> unique;
   unique.reserve(n * (n - 1) * (n - 2) / 6);
   for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t p = pairIndex(n, i + 1, i + 2); i + 2 < n && p < pairs; ++p)
-      unique.push_back(sum.size() ? sum(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(p)) / 6 : 0);
+    for (std::size_t j = i + 1; j < n; ++j)
+      for (std::size_t k = j + 1; k < n; ++k) unique.push_back((m(i, j, k) - m(j, i, k) + m(k, i, j)) / 6);
   return CubicForm(n, unique);
 }
 

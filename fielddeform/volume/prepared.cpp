@@ -50,6 +50,8 @@ Prepared::Impl::Impl(Problem p) : problem(std::move(p)) {
   for (std::size_t i = 0; i < n; ++i)
     if (rowOf[i] != kNoIndex) rowOf[i] = static_cast<Index>(free.size()), free.push_back(static_cast<Index>(i));
   energyUnit = energyUnitOf(*problem.energy, free, size);
+  if (fine().basis() && std::min(n, free.size() + 3) <= detail::kFormNodes)
+    for (std::size_t r = 0; r < fine().volume().regionCount(); ++r) fine().plan(r);
 
   if (!problem.constraints.points || problem.constraints.points->position.empty()) return;
   const auto rows = map::SparseRows(problem.map->basis(*problem.constraints.points->binding));

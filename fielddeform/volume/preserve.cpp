@@ -10,9 +10,15 @@ namespace {
 
 using detail::Core, detail::MeshConstraints, detail::Solved;
 
-void reportVolumes(const Prepared::Impl& impl, Points positions, Report& report) {
-  const auto after = impl.fine().volume().values(positions);
-  for (std::size_t r = 0; r < after.size(); ++r) report.volumes[r].after = after[r];
+/// The volume of each region at d, whose positions are x.
+std::vector<double> volumesAt(const Prepared::Impl& impl, const MeshConstraints& fine, Points d, Points x) {
+  const SurfaceVolume& surface = impl.fine().volume();
+  std::vector<double> out(surface.regionCount());
+  for (std::size_t r = 0; r < out.size(); ++r) {
+    const auto known = fine.knownVolume(d, r);
+    out[r] = known ? *known : surface.value(x, r);
+  }
+  return out;
 }
 
 void reportResiduals(const Prepared::Impl& impl, Points d, const Eigen::VectorXd& c, Eigen::Index volumes, Report& report) {
@@ -68,6 +74,7 @@ void Options::validate() const {
   requirePositive("first_penalty", a.firstPenalty);
   requireInRange("largest_penalty", a.largestPenalty, a.firstPenalty, 1e30);
   requireInRange("max_steps", a.maxSteps, 1, 1e9);
+  requireInRange("max_saddles", a.maxSaddles, 0, 1e6);
   requireInRange("max_iterations", exact.maxIterations, 1, 1e9);
   requirePositive("gradient", exact.gradient);
   requirePositive("deviation", exact.deviation);
@@ -97,15 +104,15 @@ Result preserve(const Prepared& prepared, const Options& options, Progress& prog
   Result result;
   Report& report = result.report;
   report.size = impl.extent;
-  const auto before = impl.fine().volume().values(fine.positions(start));
+  Eigen::VectorXd c;
+  fine.values(start, c);
+  const auto before = volumesAt(impl, fine, start, fine.positions(start));
   for (std::size_t r = 0; r < before.size(); ++r) report.volumes.push_back({impl.baseVolume.back()[r], before[r], impl.wantedVolume(r, {}), before[r]});
   report.energyBefore = impl.problem.energy->value(start);
 
   Solved solved;
   const Core core = impl.core(start);
   if (impl.free.empty()) {
-    Eigen::VectorXd c;
-    fine.values(start, c);
     if (c.size() && !(c.cwiseAbs().maxCoeff() <= 1e-12))
       throw InfeasibleError(fmt::format("all {} nodes are pinned: nothing is left to move, and the volume is off by {:.3g}", start.size(), c.cwiseAbs().maxCoeff()));
     solved.converged = true;
@@ -123,10 +130,10 @@ Result preserve(const Prepared& prepared, const Options& options, Progress& prog
   report.projection = detail::projectOnto(core, fine, solved.x);
   report.meshEvaluations = fine.evaluations;
   core.displacements(solved.x, result.displacements);
-  result.positions = fine.positions(result.displacements);
-  reportVolumes(impl, result.positions, report);
-  Eigen::VectorXd c;
   fine.values(result.displacements, c);
+  const auto after = volumesAt(impl, fine, result.displacements, fine.positions(result.displacements));
+  for (std::size_t r = 0; r < after.size(); ++r) report.volumes[r].after = after[r];
+  result.positions = fine.takePositions(result.displacements);
   reportResiduals(impl, result.displacements, c, static_cast<Eigen::Index>(targets.size()), report);
   report.energy = impl.problem.energy->value(result.displacements);
   report.optimality = solved.optimality;

@@ -42,15 +42,23 @@ struct AugmentedLagrangianOptions {
   double largestPenalty = 1e5;   ///< mu's bound
   int maxSteps = 2000;           ///< inner steps of one level
   bool multiLevel = true;        ///< false: the finest mesh only
+  /// Times that a saddle is left along its direction of descent (up to 600 free variables). 0: as the paper, whose method stops there.
+  int maxSaddles = 5;
 };
 
+/// Where the exact solver takes its volumes.
+enum class Grids : std::uint8_t {
+  Auto,  ///< whichever of the two costs less
+  Two,   ///< a coarse copy first; then values and gradients of the mesh with the copy's second derivatives
+  Fine,  ///< the mesh's own form, or the mesh itself where it has too many nodes for one
+};
 struct ExactOptions {
   int maxIterations = 200;
   double gradient = 1e-9;        ///< |Z^T grad E|, in units of the energy's curvature times the size
   double deviation = 1e-12;      ///< |V / V_target - 1|
   int maxSaddles = 5;            ///< times that a saddle is left along its direction of descent
-  bool twoGrid = true;           ///< solve on a coarse level first, if there is one
-  int loadSteps = 1;             ///< pinned displacements and point targets are applied in so many parts
+  Grids grids = Grids::Auto;
+  int loadSteps = 1;             ///< pinned displacements, point targets and volumes are applied in so many parts
   int starts = 1;                ///< the given start and starts - 1 jittered ones: the least energy wins
   double jitter = 0.1;           ///< of the size
   std::uint64_t seed = 0;

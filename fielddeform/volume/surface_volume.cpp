@@ -168,22 +168,24 @@ std::vector<double> SurfaceVolume::values(Points x) const {
   return out;
 }
 
-void SurfaceVolume::gradient(Points x, std::span<const double> weight, std::span<Vec3> out) const {
-  if (x.size() != vertexCount_ || out.size() != vertexCount_ || (!weight.empty() && weight.size() != regionCount()))
-    throw std::invalid_argument("gradient: sizes differ from the surface's");
+template <class Term>
+void SurfaceVolume::sumAround(std::span<const double> weight, std::span<Vec3> out, Term&& term) const {
   parallelFor(vertexCount_, kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
       const auto corners = ring(v);
       const auto regions = ringRegions(v);
       Vec3 sum = Vec3::Zero();
-      for (std::size_t i = 0; i < corners.size(); ++i) {
-        const Vec3& o = centre_[regions[i]];
-        const Vec3 b = x[corners[i][0]] - o, c = x[corners[i][1]] - o;
-        sum += weight.empty() ? Vec3(b.cross(c)) : Vec3(weight[regions[i]] * b.cross(c));
-      }
+      for (std::size_t i = 0; i < corners.size(); ++i)
+        sum += (weight.empty() ? 1.0 : weight[regions[i]]) * term(corners[i][0], corners[i][1], centre_[regions[i]]);
       out[v] = sum / 6;
     }
   });
+}
+
+void SurfaceVolume::gradient(Points x, std::span<const double> weight, std::span<Vec3> out) const {
+  if (x.size() != vertexCount_ || out.size() != vertexCount_ || (!weight.empty() && weight.size() != regionCount()))
+    throw std::invalid_argument("gradient: sizes differ from the surface's");
+  sumAround(weight, out, [&](Index b, Index c, const Vec3& o) { return Vec3((x[b] - o).cross(x[c] - o)); });
 }
 
 double SurfaceVolume::valueAndGradient(Points x, std::size_t region, std::span<Vec3> out, std::vector<Vec3>& normal) const {
@@ -223,19 +225,7 @@ void SurfaceVolume::hessianTimes(Points x, Points p, std::span<const double> wei
   if (x.size() != vertexCount_ || p.size() != vertexCount_ || out.size() != vertexCount_ ||
       (!weight.empty() && weight.size() != regionCount()))
     throw std::invalid_argument("hessianTimes: sizes differ from the surface's");
-  parallelFor(vertexCount_, kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v) {
-      const auto corners = ring(v);
-      const auto regions = ringRegions(v);
-      Vec3 sum = Vec3::Zero();
-      for (std::size_t i = 0; i < corners.size(); ++i) {
-        const auto [ib, ic] = corners[i];
-        const Vec3& o = centre_[regions[i]];
-        sum += (weight.empty() ? 1.0 : weight[regions[i]]) * (p[ib].cross(x[ic] - o) + (x[ib] - o).cross(p[ic]));
-      }
-      out[v] = sum / 6;
-    }
-  });
+  sumAround(weight, out, [&](Index b, Index c, const Vec3& o) { return Vec3(p[b].cross(x[c] - o) + (x[b] - o).cross(p[c])); });
 }
 
 std::array<double, 4> SurfaceVolume::alongLine(Points x, Points d, std::size_t region) const {

@@ -64,6 +64,9 @@ class SurfaceVolume {
   std::array<double, 4> alongLine(Points x, Points d, std::size_t region = 0) const;
 
  private:
+  template <class Term>
+  void sumAround(std::span<const double> weight, std::span<Vec3> out, Term&& term) const;
+
   std::size_t vertexCount_ = 0;
   std::vector<Index> triangles_, rim_;
   std::vector<std::size_t> first_;  ///< #R+1, triangles

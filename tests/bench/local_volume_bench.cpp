@@ -71,12 +71,13 @@ mesh::Mesh hand() {
   return tests::marchingTetrahedra(Box(Vec3(-0.9, -0.5, -1.3), Vec3(0.9, 0.5, 1.2)), 90, value);
 }
 
-EditCase bump() {
-  EditCase c{"bump on a sphere", tests::makeCapsule({.length = 1e-9, .radius = 1, .around = 128, .along = 96, .bump = 0}), {}, {}};
+/// Pulled out along x, or blown up along its normals: then it is nothing but the volume it adds.
+EditCase bump(bool pulled) {
+  EditCase c{pulled ? "bump pulled out of a sphere" : "bump blown up on a sphere", tests::makeCapsule({.length = 1e-9, .radius = 1, .around = 128, .along = 96, .bump = 0}), {}, {}};
   for (const Vec3& p : c.mesh.positions()) {
     const double t = std::clamp(1 - (p - Vec3(1, 0, 0)).norm() / 1.5, 0.0, 1.0), w = t * t * (3 - 2 * t);
     c.weight.push_back(w);
-    c.posed.push_back(p + 0.35 * w * p.normalized());
+    c.posed.push_back(p + 0.35 * w * (pulled ? Vec3(1.2, 0, 0) : Vec3(p.normalized())));
   }
   return c;
 }
@@ -96,7 +97,8 @@ std::vector<EditCase> edits() {
     out.push_back(tracked("arm x1.6", homer, line({0.62, 0.66, 0.5}, {0.72, 0.60, 0.53}, 0.12), stretch(Vec3(0.1, -0.06, 0.03), 1.6, 0, 1)));
   }
   out.push_back(tracked("finger x1.5", hand(), line({-0.12, 0, 0.25}, {-0.14, 0, 0.98}, 0.16), stretch(Vec3(-0.02, 0, 0.73), 1.5, 0, 1)));
-  out.push_back(bump());
+  out.push_back(bump(true));
+  out.push_back(bump(false));
   return out;
 }
 

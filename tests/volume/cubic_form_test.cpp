@@ -1,5 +1,7 @@
+#include <fielddeform/core/detail/simd.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/volume/cubic_form.h>
+#include <fielddeform/volume/detail/wedge_plan.h>
 #include <fielddeform/volume/surface_volume.h>
 #include <gtest/gtest.h>
 
@@ -76,6 +78,53 @@ TEST(CubicForm, DerivativesAgreeWithCentralDifferences) {
   const Eigen::VectorXd hq = hessian * q;
   for (std::size_t i = 0; i < n; ++i)
     if (rows[i] != kNoIndex) { EXPECT_LT((hq.segment<3>(3 * rows[i]) - 2 * (plus[i] - minus[i]) / (2 * h)).norm(), 1e-8); }
+}
+
+TEST(CubicForm, SameBytesInAnyInstructions) {
+  const mesh::Mesh ball = tests::makeIcosphere(3);
+  for (const Eigen::Index n : {3, 7, 20, 33}) {  // 1 to 9 packs a row, with every rest
+    const RowMatrix basis = randomBasis(static_cast<Eigen::Index>(ball.vertexCount()), n);
+    const auto nodes = noise(4, static_cast<std::size_t>(n));
+    std::vector<std::vector<double>> forms;
+    std::vector<std::vector<Vec3>> gradients;
+    for (const auto level : {fielddeform::detail::SimdLevel::Baseline, fielddeform::detail::SimdLevel::Avx2, fielddeform::detail::SimdLevel::Avx512}) {
+      const fielddeform::detail::SimdLimit limit(level);
+      const CubicForm form = CubicForm::ofMesh(basis, ball.triangles());
+      forms.push_back(form.unique());
+      gradients.emplace_back(nodes.size());
+      form.gradient(nodes, gradients.back());
+    }
+    for (std::size_t k = 1; k < forms.size(); ++k) {
+      EXPECT_EQ(forms[k], forms[0]) << n;
+      EXPECT_EQ(gradients[k], gradients[0]) << n;
+    }
+  }
+}
+
+TEST(WedgePlan, CountsEveryTriangleOnceInFewProducts) {
+  const mesh::Mesh torus = tests::makeTorus(24, 12);
+  std::vector<Index> soup = torus.triangles();
+  soup.insert(soup.end(), {0, 1, 2, 0, 2, 1, 5, 5, 9});  // no surface at all
+  for (const std::vector<Index>& triangles : {torus.triangles(), soup}) {
+    const detail::WedgePlan plan(torus.vertexCount(), triangles);
+    // Numbers i^1, i^2, i^3 as a basis: determinants of any three rows differ from 0.
+    const auto row = [](Index v) { const double t = 0.01 * (v + 1); return Vec3(t, t * t, t * t * t); };
+    double sum = 0, expected = 0, size = 0;
+    for (std::size_t o = 0; o < plan.owner.size(); ++o)
+      for (std::size_t m = plan.start[o]; m < plan.start[o + 1]; ++m) {
+        const auto& p = plan.product[m];
+        const Vec3 first = p.minus == kNoIndex ? row(p.first) : Vec3(row(p.first) - row(p.minus));
+        sum += row(plan.owner[o]).dot(first.cross(row(p.second)));
+      }
+    for (std::size_t t = 0; t < triangles.size(); t += 3) {
+      const double one = row(triangles[t]).dot(row(triangles[t + 1]).cross(row(triangles[t + 2])));
+      expected += one, size += std::abs(one);
+    }
+    EXPECT_NEAR(sum, expected, 1e-12 * size);  // the terms cancel: neighbours are nearly in line
+  }
+  const detail::WedgePlan plan(torus.vertexCount(), torus.triangles());
+  EXPECT_LE(plan.owner.size(), torus.faceCount() / 4);
+  EXPECT_LE(plan.product.size(), 6 * torus.faceCount() / 10);
 }
 
 TEST(CubicForm, SameBitsOnAnyNumberOfThreads) {

@@ -2,6 +2,7 @@
 #include <fielddeform/core/random.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/volume/preserve.h>
+#include <fielddeform/volume/surface_volume.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -45,7 +46,7 @@ TEST(Hirota, KeepsTheVolumeWhateverTheSolver) {
 TEST(Hirota, BothSolversAgree) {
   // Without levels they start from the same place. The tori are left out: there conjugate gradients end at a saddle.
   for (const VolumeCase& c : {tests::clubCompression(3), tests::clubBent(170, 3)}) {
-    const Result exact = solve(c, {.exact = {.twoGrid = false}}), paper = solve(c, augmented(Minimiser::ConjugateGradients, false));
+    const Result exact = solve(c, {.exact = {.grids = Grids::Fine}}), paper = solve(c, augmented(Minimiser::ConjugateGradients, false));
     // The inner gradient tolerance of 1e-4 leaves some 1e-4 of the size, the energy its square.
     EXPECT_NEAR(paper.report.energy, exact.report.energy, 1e-4 * exact.report.energy) << c.name;
     double gap = 0;
@@ -56,20 +57,29 @@ TEST(Hirota, BothSolversAgree) {
 
 TEST(Hirota, TwoGridsEndWhereTheFineFormDoes) {
   for (const VolumeCase& c : {tests::torusStretch(4096), tests::clubCompression(4)}) {
-    const Result two = solve(c), one = solve(c, {.exact = {.twoGrid = false}});
+    const Result two = solve(c, {.exact = {.grids = Grids::Two}}), one = solve(c, {.exact = {.grids = Grids::Fine}});
     EXPECT_NEAR(two.report.energy, one.report.energy, 1e-9 * one.report.energy) << c.name;
     EXPECT_LE(two.report.meshEvaluations, 14) << c.name;
     VolumeCase bare = c;  // without levels: the coarse copy is made by merging vertices
     bare.problem.coarser.clear();
-    const Result merged = solve(bare);
+    const Result merged = solve(bare, {.exact = {.grids = Grids::Two}});
     EXPECT_NEAR(merged.report.energy, one.report.energy, 1e-9 * one.report.energy) << c.name;
   }
 }
 
 TEST(Hirota, LeavesTheSaddleOfTheSymmetricTorus) {
   const VolumeCase c = tests::torusCompression(1024);
-  const Result stuck = solve(c, {.exact = {.maxSaddles = 0}}), paper = solve(c, augmented()), free = solve(c);
-  EXPECT_NEAR(paper.report.energy, stuck.report.energy, 1e-3);
+  Options paper = augmented();
+  paper.augmentedLagrangian.maxSaddles = 0;
+  const Result stuck = solve(c, {.exact = {.maxSaddles = 0}}), papers = solve(c, paper), free = solve(c);
+  EXPECT_NEAR(papers.report.energy, stuck.report.energy, 1e-3);
+  EXPECT_EQ(papers.report.saddles, 0);
+  // The augmented Lagrangian leaves it in the same way, on one mesh or several.
+  for (const bool multiLevel : {false, true}) {
+    const Result left = solve(c, augmented(Minimiser::ConjugateGradients, multiLevel));
+    EXPECT_GE(left.report.saddles, 1);
+    EXPECT_NEAR(left.report.energy, free.report.energy, 1e-4 * free.report.energy) << multiLevel;
+  }
   EXPECT_GE(free.report.saddles, 1);
   EXPECT_LT(free.report.energy, 0.95 * stuck.report.energy);
   EXPECT_FALSE(stuck.report.message.empty());
@@ -166,8 +176,38 @@ TEST(Hirota, LoadStepsReachTheSameVolume) {
   EXPECT_LE(std::abs(r.report.volumes[0].deviation()), 1e-12);
 }
 
+TEST(Hirota, LoadStepsRampTheVolumesToo) {
+  // Twice the volume in four parts: the first part's end is a quarter of the way, seen from outside at its last step.
+  VolumeCase c = tests::clubCompression(3);
+  const double base = SurfaceVolume(c.mesh.positions(), c.mesh.triangles()).value(c.mesh.positions());
+  c.problem.constraints.volume = {2 * base};
+  for (const Grids grids : {Grids::Fine, Grids::Two}) {
+    Options o{.exact = {.grids = grids, .loadSteps = 4}};
+    std::vector<double> off;
+    o.onStep = [&](const Step& s) { off.push_back(s.deviation); };
+    const Result ramped = solve(c, o), once = solve(c, {.exact = {.grids = grids}});
+    EXPECT_LE(std::abs(ramped.report.volumes[0].deviation()), 1e-12);
+    EXPECT_NEAR(ramped.report.volumes[0].after, 2 * base, 1e-11 * base);
+    EXPECT_NEAR(ramped.report.energy, once.report.energy, 1e-6 * once.report.energy);  // here both end at the same minimum
+    ASSERT_FALSE(off.empty());
+    EXPECT_LT(off.front(), 0.3);  // of a quarter of the load; of all at once it starts at a half
+  }
+}
+
+TEST(Hirota, PinnedNodesArePartOfTheBase) {
+  // 12 of 20 nodes are free: the form of 15 nodes gives what all 20 give on the mesh itself.
+  VolumeCase c = tests::clubCompression(3);
+  const Result form = solve(c, {.exact = {.grids = Grids::Fine}});
+  Options o{.exact = {.grids = Grids::Fine}};
+  VolumeCase moments = c;  // a free centre of mass asked for where it is: no form, the same solution
+  moments.problem.constraints.moments = {{.region = 0}};
+  const Result mesh = solve(moments, o);
+  EXPECT_NEAR(form.report.energy, mesh.report.energy, 1e-9 * mesh.report.energy);
+  for (std::size_t i = 0; i < form.displacements.size(); ++i) EXPECT_LT((form.displacements[i] - mesh.displacements[i]).norm(), 1e-6);
+}
+
 int diverged(const VolumeCase& c, int starts, int& most) {
-  const Result r = solve(c, {.exact = {.twoGrid = false, .starts = starts, .jitter = 0.3, .seed = 5}});
+  const Result r = solve(c, {.exact = {.grids = Grids::Fine, .starts = starts, .jitter = 0.3, .seed = 5}});
   int bad = 0;
   for (const StartReport& s : r.report.starts) bad += s.outcome != Outcome::Converged, most = std::max(most, s.iterations);
   return bad;

@@ -1,12 +1,14 @@
-// fielddeform info: what a mesh file holds.
+// fielddeform info: what a mesh or lattice file holds.
 #include <fielddeform/core/angle.h>
 #include <fielddeform/core/json_writer.h>
+#include <fielddeform/map/lattice_io.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/mesh/summary.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
+#include <fstream>
 
 #include "command.h"
 
@@ -135,6 +137,61 @@ std::string plainText(const std::string& file, const Summary& s, const mesh::Rea
   return out;
 }
 
+struct Moved {
+  std::size_t nodes = 0;
+  double farthest = 0;
+};
+Moved movedOf(const map::Lattice& lattice) {
+  Moved out;
+  for (const Vec3& d : lattice.displacements) {
+    out.nodes += d != Vec3::Zero();
+    out.farthest = std::max(out.farthest, d.norm());
+  }
+  return out;
+}
+
+std::string latticeText(const std::string& file, const map::Lattice& lattice, bool asJson) {
+  const Moved moved = movedOf(lattice);
+  const Box bounds = [&] {
+    Box box;
+    for (int corner = 0; corner < 8; ++corner) box.extend(lattice.box.origin + lattice.box.axes * Vec3(corner & 1, corner >> 1 & 1, corner >> 2));
+    return box;
+  }();
+  if (asJson) {
+    JsonWriter json;
+    json.beginObject().member("file", file).member("format", "fielddeform-lattice").member("nodes", lattice.nodeCount());
+    json.member("moved_nodes", moved.nodes).member("largest_move", moved.farthest).member("outside", toString(lattice.outside));
+    json.key("bounds").beginObject(JsonLayout::Inline).member("min", Vec3(bounds.min())).member("max", Vec3(bounds.max())).end();
+    json.key("box");
+    map::latticeBoxToJson(lattice.box, json);
+    json.key("axes").beginArray();
+    for (const map::AxisBasis& axis : lattice.axis)
+      json.beginObject(JsonLayout::Inline).member("basis", toString(axis.kind())).member("nodes", axis.nodes()).member("degree", axis.degree()).end();
+    json.end().end();
+    return json.text();
+  }
+  std::string out = fmt::format("{}: lattice\n", file);
+  const auto row = [&](std::string_view name, const std::string& value) { out += fmt::format("  {:<12}{}\n", name, value); };
+  const auto n = lattice.nodes();
+  row("nodes", fmt::format("{} x {} x {} = {}", n[0], n[1], n[2], lattice.nodeCount()));
+  row("moved", moved.nodes == 0 ? std::string("none") : fmt::format("{}, by {:.6g} at most", moved.nodes, moved.farthest));
+  for (std::size_t a = 0; a < 3; ++a)
+    row(fmt::format("axis {}", "uvw"[a]), fmt::format("{} of degree {}, edge ({:.6g}, {:.6g}, {:.6g})", toString(lattice.axis[a].kind()), lattice.axis[a].degree(),
+                                                     lattice.box.axes(0, static_cast<Eigen::Index>(a)), lattice.box.axes(1, static_cast<Eigen::Index>(a)),
+                                                     lattice.box.axes(2, static_cast<Eigen::Index>(a))));
+  const Vec3 low = bounds.min(), high = bounds.max();
+  row("bounds", fmt::format("({:.6g}, {:.6g}, {:.6g}) to ({:.6g}, {:.6g}, {:.6g})", low.x(), low.y(), low.z(), high.x(), high.y(), high.z()));
+  row("outside", lattice.outside == map::Outside::Keep ? "left alone" : "carried along");
+  return out;
+}
+
+/// JSON is no mesh format.
+bool isJson(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  char c = 0;
+  return (stream >> c) && c == '{';
+}
+
 }  // namespace
 
 void addInfo(CLI::App& app, Session& session) {
@@ -143,14 +200,20 @@ void addInfo(CLI::App& app, Session& session) {
     bool json = false, weld = false;
   };
   const auto options = optionsOf<Options>();
-  auto* command = app.add_subcommand("info", "Say what a mesh file holds: counts, bounds, volume, attributes, defects");
-  command->add_option("FILE", options->file, "Mesh to read (PLY, OBJ, STL, OFF)")->required()->type_name("");
+  auto* command = app.add_subcommand("info", "Say what a mesh or lattice file holds: counts, bounds, volume, attributes, defects");
+  command->add_option("FILE", options->file, "Mesh to read (PLY, OBJ, STL, OFF), or lattice (JSON)")->required()->type_name("");
   command->add_flag("--json", options->json, "Print JSON, with every count");
   command->add_flag("--weld", options->weld, "STL: join the facets' equal corners first");
   addThreads(*command, session);
   command->footer("Example:\n  fielddeform info scan.ply");
   command->callback([&session, options] {
     session.run = [options](Terminal& terminal) {
+      if (isJson(options->file)) {
+        std::string text = latticeText(options->file, map::readLattice(options->file), options->json);
+        text.pop_back();
+        terminal.print(text);
+        return kDone;
+      }
       mesh::ReadOptions read;
       read.invalid = mesh::InvalidPoints::Keep;
       if (options->weld) read.weld = mesh::Weld::Exact;

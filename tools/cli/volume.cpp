@@ -6,6 +6,7 @@
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/mesh/measures.h>
 #include <fielddeform/mesh/topology.h>
+#include <fielddeform/volume/curved_volume.h>
 #include <fielddeform/volume/moments.h>
 #include <fielddeform/volume/preserve.h>
 #include <fmt/format.h>
@@ -28,9 +29,9 @@ struct VolumeOptions {
   map::BasisKind basis = map::BasisKind::Bernstein;
   volume::Springs springs = volume::Springs::All;
   volume::Options solve;
-  std::vector<std::string> pins, pinnedText;
+  std::vector<std::string> pins, pinnedText, levels;
   std::vector<std::array<int, 3>> pinnedNodes;
-  bool components = false, keepCentre = false, keepInertia = false;
+  bool smooth = false, components = false, keepCentre = false, keepInertia = false;
   double padding = 0.02;
   mesh::WriteOptions write;
 };
@@ -139,11 +140,28 @@ volume::Problem problemOf(const VolumeOptions& o, const mesh::Mesh& mesh, const 
       if (o.keepInertia) target.spread = moments.spread * std::cbrt(std::pow(p.constraints.volume[r] / moments.volume, 2));
       p.constraints.moments.push_back(target);
     }
-  if (o.solve.solver == Solver::AugmentedLagrangian) p.coarser = volume::makeLevels(*p.map, mesh, {}, region);
+  for (const std::string& level : o.levels) p.coarser.push_back(volume::makeSurface(*p.map, mesh::readMesh(level, {}, nullptr, &terminal)));
+  if (o.solve.solver == Solver::AugmentedLagrangian && o.levels.empty()) p.coarser = volume::makeLevels(*p.map, mesh, {}, region);
   return p;
 }
 
-std::string reportText(const VolumeOptions& o, const volume::Report& r, const mesh::MaybeVolume& written) {
+/// Of the image of the whole solid inside the mesh, before and after; the mesh's own differs by its triangulation.
+struct SmoothVolume {
+  double before = 0, after = 0;
+};
+std::optional<SmoothVolume> smoothVolume(const VolumeOptions& o, const map::Lattice& lattice, const mesh::Mesh& mesh, Points displacements) {
+  if (!o.smooth) return {};
+  for (const map::AxisBasis& axis : lattice.axis)
+    if (axis.kind() != map::BasisKind::Bernstein) throw std::invalid_argument("--smooth-volume: the lattice is no polynomial one (--basis bernstein)");
+  const volume::CubicForm form = volume::curvedForm(lattice, mesh.positions(), mesh.triangles());
+  std::vector<Vec3> nodes = lattice.restNodes();
+  SmoothVolume out{form.value(nodes), 0};
+  for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i] += displacements[i];
+  out.after = form.value(nodes);
+  return out;
+}
+
+std::string reportText(const VolumeOptions& o, const volume::Report& r, const mesh::MaybeVolume& written, const std::optional<SmoothVolume>& smooth) {
   JsonWriter json;
   json.beginObject().member("mesh", o.mesh).member("solver", toString(o.solve.solver)).member("outcome", toString(r.outcome));
   if (!r.message.empty()) json.member("message", r.message);
@@ -155,6 +173,7 @@ std::string reportText(const VolumeOptions& o, const volume::Report& r, const me
   json.end().key("as_written");
   if (written.value) json.value(*written.value);
   else json.null();
+  if (smooth) json.key("smooth_volume").beginObject(JsonLayout::Inline).member("before", smooth->before).member("after", smooth->after).end();
   json.member("energy_before", r.energyBefore).member("energy", r.energy).member("iterations", r.iterations);
   json.member("mesh_evaluations", r.meshEvaluations).member("saddles_left", r.saddles).member("last_projection", r.projection);
   json.member("moment_residual", r.momentResidual);
@@ -182,6 +201,7 @@ int run(const VolumeOptions& o, Terminal& terminal) {
   terminal.beginStage("volume");
   const volume::Result result = volume::preserve(problem, o.solve, terminal);
   if (result.report.outcome == volume::Outcome::Unmet) throw InfeasibleError(result.report.message);
+  const auto smooth = smoothVolume(o, lattice, mesh, result.displacements);
   mesh.setPositions(result.positions);
   const mesh::EdgeCounts edges = mesh::countEdges(mesh::EdgeTable(mesh));
   const mesh::MaybeVolume written = o.write.precision == mesh::Precision::Double ? mesh::volume(mesh, mesh.positions(), edges)
@@ -191,13 +211,14 @@ int run(const VolumeOptions& o, Terminal& terminal) {
     lattice.displacements = result.displacements;
     map::writeLattice(lattice, o.saveLattice);
   }
-  if (!o.report.empty()) writeTextFile(o.report, reportText(o, result.report, written));
+  if (!o.report.empty()) writeTextFile(o.report, reportText(o, result.report, written, smooth));
   if (!result.report.message.empty()) terminal.note("fielddeform: " + result.report.message);
   for (std::size_t i = 0; i < result.report.volumes.size(); ++i) {
     const auto& v = result.report.volumes[i];
     const std::string name = result.report.volumes.size() > 1 ? fmt::format("{}, component {}", o.output, i) : o.output;
     terminal.print(fmt::format("{}: volume {:.9g} (before {:.9g}, target {:.9g}, off by {:.1e})", name, v.after, v.base, v.target, std::abs(v.deviation())));
   }
+  if (smooth) terminal.print(fmt::format("{}: volume of the smooth solid {:.9g} (before {:.9g})", o.output, smooth->after, smooth->before));
   if (written.value) terminal.print(fmt::format("{}: volume as written {}", o.output, shortestNumber(*written.value)));
   terminal.print(fmt::format("{}: energy {:.6g}, {} iterations, {}", o.output, result.report.energy, result.report.iterations, toString(result.report.outcome)));
   return kDone;
@@ -229,18 +250,24 @@ void addVolume(CLI::App& app, Session& session) {
           "augmented-lagrangian: inner minimiser (default: conjugate-gradients)");
   addWord(*command, "--springs", {"26", "14", "6+8"}, [o](std::size_t i) { o->springs = std::array{volume::Springs::All, volume::Springs::Kuhn, volume::Springs::AxesAndDiagonals}[i]; },
           "Neighbours of a node that springs lead to (default: 26)");
+  command->add_option("--level", o->levels, "A coarser tessellation of the same surface, coarsest first, may be repeated (default: by decimation)")
+      ->type_name("FILE")->take_all();
+  command->add_flag("--smooth-volume", o->smooth, "Also say the volume of the smoothly deformed solid, not of its triangles");
   command->add_flag("--components", o->components, "Every connected component keeps (or scales) its own volume");
   command->add_flag("--keep-centre", o->keepCentre, "The centre of mass stays, too");
   command->add_flag("--keep-inertia", o->keepInertia, "So does the inertia tensor, in proportion to the size");
   command->add_option("--starts", o->solve.exact.starts, "exact: also from N - 1 jittered starts; the least energy wins (default: 1)")->type_name("N")->check(within(1, 10000));
   command->add_option("--seed", o->solve.exact.seed, "Another choice of jittered starts (default: 0)")->type_name("N");
-  command->add_option("--load-steps", o->solve.exact.loadSteps, "exact: move the pinned nodes in N parts (default: 1)")->type_name("N")->check(within(1, 10000));
+  command->add_option_function<int>("--max-saddles", [o](const int& n) { o->solve.exact.maxSaddles = o->solve.augmentedLagrangian.maxSaddles = n; },
+                                    "Saddles that are left along a direction of descent; 0: as the paper (default: 5)")->type_name("N")->check(within(0, 10000));
+  command->add_option("--load-steps", o->solve.exact.loadSteps, "exact: move the pinned nodes, and change the volume, in N parts (default: 1)")->type_name("N")->check(within(1, 10000));
   addWord(*command, "--precision", {"keep", "double"}, [o](std::size_t i) { o->write.precision = static_cast<mesh::Precision>(i); },
           "Type of coordinates in the output: the input's (default), or double");
   command->add_option("--report", o->report, "Write a report (JSON)")->type_name("FILE");
   addThreads(*command, session);
   command->footer("Example:\n  fielddeform volume scan.ply --target 1.2x --nodes 3,3,3 -o swollen.ply");
   command->callback([&session, o] {
+    if (o->components && !o->levels.empty()) throw CLI::ValidationError("--level", "cannot be told apart into --components");
     o->nodes = counts("--nodes", o->nodesText, 2, 128);
     for (const std::string& text : o->pinnedText) o->pinnedNodes.push_back(counts("--pin-node", text, 0, 127));
     session.run = [o](Terminal& terminal) { return run(*o, terminal); };

@@ -24,6 +24,11 @@
 
 namespace fielddeform::detail {
 
+// Two, four and eight numbers at any address. A template argument loses their attributes: pass them by way of a class.
+typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
+typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
+
 enum class SimdLevel : std::uint8_t { Baseline, Avx2, Avx512 };  ///< Baseline: SSE2 on x86-64, what the compiler has elsewhere
 
 std::string_view toString(SimdLevel level) noexcept;  ///< "baseline", "avx2", "avx512"

@@ -9,10 +9,7 @@ namespace {
 using fielddeform::detail::SimdLevel;
 using fielddeform::detail::simdLevel;
 
-// Two, four and eight numbers at any address.
-typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
-typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
+using fielddeform::detail::Two, fielddeform::detail::Four, fielddeform::detail::Eight;
 
 // The vectors of each level, no wider than its registers: compilers split wider ones badly. `Wide` is for where eight
 // numbers stand side by side.

@@ -1,5 +1,7 @@
 #include <fielddeform/volume/detail/constraints.h>
 
+#include <numeric>
+
 namespace fielddeform::volume::detail {
 namespace {
 
@@ -24,25 +26,30 @@ bool reproduces(const MeshModel& model, Points restNodes) {
   return true;
 }
 
-/// Rows of some vertices, the region's triangles renumbered.
-struct Part {
-  RowMatrix basis;
-  std::vector<Index> triangles;
-};
-Part partOf(const MeshModel& model, std::size_t region, bool extra) {
+/// Rows of a region's vertices: some nodes' columns, then (where there is a base) its three coordinates about the centre.
+RowMatrix rowsOf(const MeshModel& model, std::size_t region, std::span<const Index> nodes, Points base) {
   const auto own = model.volume().vertices(region);
-  const auto n = static_cast<Eigen::Index>(model.nodes());
   const Vec3& centre = model.volume().centre(region);
-  Part part{RowMatrix(static_cast<Eigen::Index>(own.size()), n + (extra ? 3 : 0)), {}};
-  std::vector<Index> place(model.base().size(), kNoIndex);
+  const RowMatrix& basis = *model.basis();
+  const std::size_t n = nodes.size(), width = n + (base.empty() ? 0 : 3);
+  RowMatrix rows(static_cast<Eigen::Index>(own.size()), static_cast<Eigen::Index>(width));
+  const auto stride = static_cast<std::size_t>(basis.cols());
   for (std::size_t k = 0; k < own.size(); ++k) {
-    const auto r = static_cast<Eigen::Index>(k);
-    part.basis.row(r).head(n) = model.basis()->row(own[k]).head(n);
-    if (extra) part.basis.row(r).tail<3>() = (model.base()[own[k]] - centre).transpose();
-    place[own[k]] = static_cast<Index>(k);
+    const double* from = basis.data() + own[k] * stride;
+    double* to = rows.data() + k * width;
+    for (std::size_t i = 0; i < n; ++i) to[i] = from[nodes[i]];
+    for (std::size_t c = 0; c < width - n; ++c) to[n + c] = base[own[k]][static_cast<Eigen::Index>(c)] - centre[static_cast<Eigen::Index>(c)];
   }
-  for (const Index v : model.volume().triangles(region)) part.triangles.push_back(place[v]);
-  return part;
+  return rows;
+}
+
+/// @param rest  of `nodes`, about the origin of the base, or about the region's centre if there is none
+FormConstraints::Form formOf(const MeshModel& model, std::size_t region, std::span<const Index> nodes, Points base, std::vector<Vec3> rest) {
+  const RowMatrix rows = rowsOf(model, region, nodes, base);
+  std::vector<Index> node(nodes.begin(), nodes.end());
+  for (int c = 0; c < 3 && !base.empty(); ++c) rest.push_back(Vec3::Unit(c)), node.push_back(kNoIndex);
+  return {CubicForm::ofPlan(model.plan(region), rows.data(), static_cast<std::size_t>(rows.cols()), static_cast<std::size_t>(rows.cols())), std::move(rest),
+          std::move(node)};
 }
 
 }  // namespace
@@ -53,21 +60,29 @@ FormConstraints::FormConstraints(std::vector<Form> forms, std::vector<VolumeTarg
 FormConstraints FormConstraints::ofMesh(const MeshModel& model, Points restNodes, std::vector<VolumeTarget> volumes) {
   // Fewer nodes than three make no form of their own.
   const bool extra = model.nodes() < 3 || !reproduces(model, restNodes);
+  std::vector<Index> all(model.nodes());
+  std::iota(all.begin(), all.end(), Index{0});
   std::vector<Form> forms;
   for (const VolumeTarget& v : volumes) {
-    const Part part = partOf(model, v.region, extra);
     std::vector<Vec3> rest(restNodes.begin(), restNodes.end());
     for (Vec3& p : rest) p = extra ? Vec3(Vec3::Zero()) : Vec3(p - model.volume().centre(v.region));
-    if (extra)
-      for (int c = 0; c < 3; ++c) rest.push_back(Vec3::Unit(c));
-    forms.push_back({CubicForm::ofMesh(part.basis, part.triangles), std::move(rest)});
+    forms.push_back(formOf(model, v.region, all, extra ? Points(model.base()) : Points(), std::move(rest)));
   }
+  return FormConstraints(std::move(forms), std::move(volumes), model.nodes());
+}
+
+FormConstraints FormConstraints::ofFree(const MeshModel& model, Points positions, Points start, std::span<const Index> free, std::vector<VolumeTarget> volumes) {
+  std::vector<Vec3> rest;
+  for (const Index i : free) rest.push_back(-start[i]);  // the surface at the start holds these already
+  std::vector<Form> forms;
+  for (const VolumeTarget& v : volumes) forms.push_back(formOf(model, v.region, free, positions, rest));
   return FormConstraints(std::move(forms), std::move(volumes), model.nodes());
 }
 
 const std::vector<Vec3>& FormConstraints::at(Points d, std::size_t k) {
   x_ = forms_[k].rest;
-  for (std::size_t i = 0; i < d.size(); ++i) x_[i] += d[i];
+  for (std::size_t i = 0; i < x_.size(); ++i)
+    if (forms_[k].node[i] != kNoIndex) x_[i] += d[forms_[k].node[i]];
   return x_;
 }
 
@@ -81,20 +96,22 @@ void FormConstraints::values(Points d, Vector& c) {
 void FormConstraints::derivatives(Points d, Vector& c, Matrix& jacobian) {
   ++evaluations;
   c.resize(count());
-  jacobian.resize(static_cast<Eigen::Index>(3 * nodes_), count());
+  jacobian.setZero(static_cast<Eigen::Index>(3 * nodes_), count());
   for (std::size_t k = 0; k < forms_.size(); ++k) {
     const auto column = static_cast<Eigen::Index>(k);
     g_.resize(forms_[k].form.nodes());
     c[column] = (forms_[k].form.gradient(at(d, k), g_) - volumes_[k].target) / volumes_[k].scale;
-    for (std::size_t i = 0; i < nodes_; ++i) jacobian.col(column).segment<3>(3 * static_cast<Eigen::Index>(i)) = g_[i] / volumes_[k].scale;
+    for (std::size_t i = 0; i < g_.size(); ++i)
+      if (const Index node = forms_[k].node[i]; node != kNoIndex)
+        jacobian.col(column).segment<3>(3 * static_cast<Eigen::Index>(node)) = g_[i] / volumes_[k].scale;
   }
 }
 
 void FormConstraints::addHessian(Points d, const Vector& multiplier, std::span<const Index> rows, Matrix& h) {
   for (std::size_t k = 0; k < forms_.size(); ++k) {
-    std::vector<Index> all(rows.begin(), rows.end());
-    all.resize(forms_[k].form.nodes(), kNoIndex);
-    forms_[k].form.addHessian(at(d, k), multiplier[static_cast<Eigen::Index>(k)] / volumes_[k].scale, all, h);
+    rows_.clear();
+    for (const Index node : forms_[k].node) rows_.push_back(node == kNoIndex ? kNoIndex : rows[node]);
+    forms_[k].form.addHessian(at(d, k), multiplier[static_cast<Eigen::Index>(k)] / volumes_[k].scale, rows_, h);
   }
 }
 

@@ -7,8 +7,7 @@ namespace {
 using fielddeform::detail::SimdLevel;
 using fielddeform::detail::simdLevel;
 
-typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+using fielddeform::detail::Two, fielddeform::detail::Four;
 
 // By way of a class: a template argument loses its attributes.
 struct Baseline {
@@ -91,27 +90,79 @@ FIELDDEFORM_SIMD_INLINE void addKernel(const AddTask& t) {
   }
 }
 
+struct WedgeTask {
+  const std::size_t* offset;
+  std::size_t n, stride, width;
+  const double *u, *v;
+  const std::size_t* start;
+  std::size_t count;
+  double* out;
+};
+
 template <class L>
-FIELDDEFORM_SIMD_INLINE void wedgeKernel(const double* a, const double* b, std::size_t n, double* w) {
+FIELDDEFORM_SIMD_INLINE void wedgeKernel(const WedgeTask& t) {
   using Pack = typename L::Pack;
   constexpr std::size_t lanes = sizeof(Pack) / 8;
-  for (std::size_t j = 0; j + 1 < n; ++j) {
-    const double aj = a[j], bj = b[j];
-    const double *ak = a + j + 1, *bk = b + j + 1;
-    const std::size_t count = n - j - 1;
-    std::size_t k = 0;
-    for (; k + lanes <= count; k += lanes) PACK_OUT(w + k) = PACK(w + k) + (aj * PACK(bk + k) - PACK(ak + k) * bj);
-    for (; k < count; ++k) w[k] = w[k] + (aj * bk[k] - ak[k] * bj);
-    w += count;
+  for (std::size_t r = 0; r < t.count; ++r) {
+    const double *u = t.u + t.start[r] * t.stride, *v = t.v + t.start[r] * t.stride;
+    const std::size_t products = t.start[r + 1] - t.start[r];
+    for (std::size_t j = 0; j + 1 < t.n; ++j) {
+      const std::size_t first = (j + 1) / kLanes * kLanes;
+      double* out = t.out + r * t.width + t.offset[j];
+      for (std::size_t k = first; k < t.stride; k += lanes) {
+        Pack sum = {};
+        for (std::size_t m = 0; m < products; ++m) {
+          const double *a = u + m * t.stride, *b = v + m * t.stride;
+          sum += a[j] * PACK(b + k) - PACK(a + k) * b[j];
+        }
+        PACK_OUT(out + (k - first)) = sum;
+      }
+    }
   }
+}
+
+struct OuterTask {
+  const double *rows, *products;
+  std::size_t stride, width, count;
+  double* sums;
+};
+
+/// Four rows of sums, `packs` packs of each.
+template <class L, std::size_t packs>
+FIELDDEFORM_SIMD_INLINE void outerTile(const OuterTask& t, std::size_t i, std::size_t p) {
+  using Pack = typename L::Pack;
+  constexpr std::size_t lanes = sizeof(Pack) / 8;
+  Pack sum[4][packs];
+  for (std::size_t a = 0; a < 4; ++a)
+    for (std::size_t b = 0; b < packs; ++b) sum[a][b] = PACK(t.sums + (i + a) * t.width + p + b * lanes);
+  const double *row = t.rows + i, *product = t.products + p;
+  for (std::size_t r = 0; r < t.count; ++r, row += t.stride, product += t.width)
+    for (std::size_t b = 0; b < packs; ++b) {
+      const Pack w = PACK(product + b * lanes);
+      for (std::size_t a = 0; a < 4; ++a) sum[a][b] += row[a] * w;
+    }
+  for (std::size_t a = 0; a < 4; ++a)
+    for (std::size_t b = 0; b < packs; ++b) PACK_OUT(t.sums + (i + a) * t.width + p + b * lanes) = sum[a][b];
+}
+
+template <class L>
+FIELDDEFORM_SIMD_INLINE void outerKernel(const OuterTask& t) {
+  constexpr std::size_t lanes = sizeof(typename L::Pack) / 8, wide = 2 * lanes;
+  std::size_t p = 0;
+  for (; p + wide <= t.width; p += wide)
+    for (std::size_t i = 0; i < t.stride; i += 4) outerTile<L, 2>(t, i, p);
+  for (; p < t.width; p += lanes)
+    for (std::size_t i = 0; i < t.stride; i += 4) outerTile<L, 1>(t, i, p);
 }
 
 void dotBaseline(const DotTask& t) { dotKernel<Baseline>(t); }
 FIELDDEFORM_SIMD_AVX2 void dotAvx2(const DotTask& t) { dotKernel<Avx2>(t); }
 void addBaseline(const AddTask& t) { addKernel<Baseline>(t); }
 FIELDDEFORM_SIMD_AVX2 void addAvx2(const AddTask& t) { addKernel<Avx2>(t); }
-void wedgeBaseline(const double* a, const double* b, std::size_t n, double* w) { wedgeKernel<Baseline>(a, b, n, w); }
-FIELDDEFORM_SIMD_AVX2 void wedgeAvx2(const double* a, const double* b, std::size_t n, double* w) { wedgeKernel<Avx2>(a, b, n, w); }
+void wedgeBaseline(const WedgeTask& t) { wedgeKernel<Baseline>(t); }
+FIELDDEFORM_SIMD_AVX2 void wedgeAvx2(const WedgeTask& t) { wedgeKernel<Avx2>(t); }
+void outerBaseline(const OuterTask& t) { outerKernel<Baseline>(t); }
+FIELDDEFORM_SIMD_AVX2 void outerAvx2(const OuterTask& t) { outerKernel<Avx2>(t); }
 
 }  // namespace
 
@@ -125,8 +176,21 @@ void addRows(const double* rows, std::size_t stride, const Index* index, std::si
   simdLevel() == SimdLevel::Baseline ? addBaseline(task) : addAvx2(task);
 }
 
-void addWedge(const double* a, const double* b, std::size_t n, double* w) {
-  simdLevel() == SimdLevel::Baseline ? wedgeBaseline(a, b, n, w) : wedgeAvx2(a, b, n, w);
+WedgeLayout::WedgeLayout(std::size_t nodes) : n(nodes), stride(padded(nodes)) {
+  for (std::size_t j = 0; j + 1 < n; ++j) {
+    offset.push_back(width);
+    width += stride - first(j);
+  }
+}
+
+void wedgeRows(const WedgeLayout& layout, const double* u, const double* v, const std::size_t* start, std::size_t count, double* out) {
+  const WedgeTask task{layout.offset.data(), layout.n, layout.stride, layout.width, u, v, start, count, out};
+  simdLevel() == SimdLevel::Baseline ? wedgeBaseline(task) : wedgeAvx2(task);
+}
+
+void addOuter(const WedgeLayout& layout, const double* rows, const double* products, std::size_t count, double* sums) {
+  const OuterTask task{rows, products, layout.stride, layout.width, count, sums};
+  simdLevel() == SimdLevel::Baseline ? outerBaseline(task) : outerAvx2(task);
 }
 
 }  // namespace fielddeform::volume::detail

@@ -3,6 +3,7 @@
 #include <fielddeform/core/types.h>
 
 #include <cstddef>
+#include <vector>
 
 /// The inner loops over rows of a dense basis or form, in the processor's best vector instructions with the same bytes in all:
 /// sums run in four fixed lanes.
@@ -20,7 +21,23 @@ void dot3Rows(const double* rows, std::size_t stride, std::size_t count, const d
 /// @param index  row of each r, or null: r itself    @param sums  x, y, z, stride numbers each
 void addRows(const double* rows, std::size_t stride, const Index* index, std::size_t count, const Vec3* g, double* sums);
 
-/// w += a ^ b: a_j b_k - a_k b_j for j < k < n, in lexicographic order of (j, k).
-void addWedge(const double* a, const double* b, std::size_t n, double* w);
+/// Where a ^ b of rows of n numbers goes: for each j its columns k from first(j), a multiple of kLanes at or below j + 1, to the
+/// end of the padded row. What stands there for k <= j is of no use.
+struct WedgeLayout {
+  explicit WedgeLayout(std::size_t nodes);
+  static std::size_t first(std::size_t j) { return (j + 1) / kLanes * kLanes; }
+  std::size_t at(std::size_t j, std::size_t k) const { return offset[j] + (k - first(j)); }
+
+  std::size_t n, stride, width = 0;  ///< stride: padded(n); width: of a whole product, a multiple of kLanes
+  std::vector<std::size_t> offset;   ///< n - 1
+};
+
+/// out_r = sum_m u_m ^ v_m over the m of r, in their order.
+/// @param u, v    stride numbers each, padded with zeros    @param start  #R + 1: the m of each r    @param out #R by width
+void wedgeRows(const WedgeLayout& layout, const double* u, const double* v, const std::size_t* start, std::size_t count, double* out);
+
+/// sums += rows^T products: sums(i, p) += sum_r rows(r, i) products(r, p), in the order of r.
+/// @param rows #R by stride    @param products #R by width    @param sums stride by width
+void addOuter(const WedgeLayout& layout, const double* rows, const double* products, std::size_t count, double* sums);
 
 }  // namespace fielddeform::volume::detail

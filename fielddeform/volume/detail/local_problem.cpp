@@ -149,8 +149,9 @@ LocalSolved solveLocally(const LocalEdit& edit, const LocalMask& mask, LocalPart
     const Prepared prepared(problemOf(parts, lattice, std::move(energy), augmented));
     Options inner;
     inner.solver = augmented ? Solver::AugmentedLagrangian : Solver::Exact;
-    inner.exact.twoGrid = false;  // its coarse copy is made for lattices of few nodes
+    inner.exact.grids = Grids::Fine;  // its coarse copy is made for lattices of few nodes
     inner.exact.gradient = kOptimal;
+    inner.augmentedLagrangian.maxSaddles = 0;  // held to the surface: nothing buckles
     const Result result = preserve(prepared, inner, progress);
     out.iterations = result.report.iterations;
     // What is left of the volume, and of a rigid motion, by the pass's own step.

@@ -56,6 +56,7 @@ TotalsWeight<T> momentWeight(const MomentTarget& m, const Totals<T>& t, double s
 MeshConstraints::MeshConstraints(const MeshModel& model, std::vector<VolumeTarget> volumes, std::vector<MomentTarget> moments, double size)
     : model_(model), volumes_(std::move(volumes)), moments_(std::move(moments)), size_(size), nodes_(model.nodes()) {
   count_ = static_cast<Eigen::Index>(volumes_.size());
+  volume_.assign(volumes_.size(), 0.0);
   for (const MomentTarget& m : moments_) count_ += countOf(m);
 }
 
@@ -74,6 +75,20 @@ const std::vector<Vec3>& MeshConstraints::positions(Points d) {
   return x_;
 }
 
+std::vector<Vec3> MeshConstraints::takePositions(Points d) {
+  positions(d);
+  std::vector<Vec3> out;
+  out.swap(x_);
+  return out;
+}
+
+std::optional<double> MeshConstraints::knownVolume(Points d, std::size_t region) const {
+  if (!known_ || x_.empty() || !std::equal(d.begin(), d.end(), at_.begin(), at_.end())) return {};
+  for (std::size_t k = 0; k < volumes_.size(); ++k)
+    if (volumes_[k].region == region) return volume_[k];
+  return {};
+}
+
 void MeshConstraints::values(Points d, Vector& c) {
   positions(d);
   if (known_) {
@@ -83,7 +98,11 @@ void MeshConstraints::values(Points d, Vector& c) {
   ++evaluations;
   c.resize(count_);
   Eigen::Index k = 0;
-  for (const VolumeTarget& v : volumes_) c[k++] = (model_.volume().value(x_, v.region) - v.target) / v.scale;
+  for (const VolumeTarget& v : volumes_) {
+    volume_[static_cast<std::size_t>(k)] = model_.volume().value(x_, v.region);
+    c[k] = (volume_[static_cast<std::size_t>(k)] - v.target) / v.scale;
+    ++k;
+  }
   for (const MomentTarget& m : moments_) {
     momentValues(m, regionTotals(model_.volume(), x_, m.region), model_.volume().centre(m.region), size_, c.data() + k);
     k += countOf(m);
@@ -104,7 +123,8 @@ void MeshConstraints::derivatives(Points d, Vector& c, Matrix& jacobian) {
   Eigen::Index k = 0;
   for (const VolumeTarget& v : volumes_) {
     g_.resize(surface.vertices(v.region).size());
-    c[k] = (surface.valueAndGradient(x_, v.region, g_, scratch_) - v.target) / v.scale;
+    volume_[static_cast<std::size_t>(k)] = surface.valueAndGradient(x_, v.region, g_, scratch_);
+    c[k] = (volume_[static_cast<std::size_t>(k)] - v.target) / v.scale;
     column(v.region, g_, jacobian, k);
     jacobian.col(k++) /= v.scale;
   }
@@ -134,7 +154,8 @@ void MeshConstraints::weightedGradient(Points d, const std::function<Vector(cons
     const VolumeTarget& v = volumes_[0];
     positions(d);
     g_.resize(surface.vertices(v.region).size());
-    c = Vector::Constant(1, (surface.valueAndGradient(x_, v.region, g_, scratch_) - v.target) / v.scale);
+    volume_[0] = surface.valueAndGradient(x_, v.region, g_, scratch_);
+    c = Vector::Constant(1, (volume_[0] - v.target) / v.scale);
     c_ = c, known_ = true;
     return add(v.region, weights(c)[0] / v.scale);
   }

@@ -55,6 +55,20 @@ MeshModel::MeshModel(RowMatrix basis, std::vector<Vec3> base, std::vector<Index>
   basis_ = std::move(basis);
 }
 
+const WedgePlan& MeshModel::plan(std::size_t region) const {
+  std::call_once(plans_->once, [&] {
+    std::vector<Index> place(base_.size(), kNoIndex), local;
+    for (std::size_t r = 0; r < volume_.regionCount(); ++r) {
+      const auto own = volume_.vertices(r);
+      for (std::size_t k = 0; k < own.size(); ++k) place[own[k]] = static_cast<Index>(k);
+      local.clear();
+      for (const Index v : volume_.triangles(r)) local.push_back(place[v]);
+      plans_->regions.emplace_back(own.size(), local);
+    }
+  });
+  return plans_->regions[region];
+}
+
 void MeshModel::positions(Points d, std::vector<Vec3>& x) const {
   combine(d, x);
   parallelFor(x.size(), kGrain * 8, [&](std::size_t begin, std::size_t end) {
@@ -108,29 +122,43 @@ void MeshModel::gatherRegion(Points g, std::size_t region, std::span<Vec3> out) 
 
 namespace {
 
+constexpr int kFinestGrid = 256;
+
 /// Cells of a grid of n along the longest side: for each used vertex its cluster, in the order of the cells.
-std::vector<Index> clusterOf(Points x, const std::vector<bool>& used, int n, std::size_t& count) {
+std::vector<Index> clusterOf(Points x, const std::vector<bool>& used, const Box& box, int n, std::size_t& count) {
+  const double cell = std::max(box.sizes().maxCoeff() / n, 1e-300);
+  std::array<std::size_t, 3> size;
+  for (int c = 0; c < 3; ++c) size[static_cast<std::size_t>(c)] = std::min<std::size_t>(static_cast<std::size_t>(box.sizes()[c] / cell) + 1, static_cast<std::size_t>(n));
+  std::vector<Index> of(size[0] * size[1] * size[2], kNoIndex), out(x.size(), kNoIndex);
+  for (std::size_t v = 0; v < x.size(); ++v) {
+    if (!used[v]) continue;
+    std::size_t key = 0;
+    for (int c = 0; c < 3; ++c) {
+      const std::size_t most = size[static_cast<std::size_t>(c)] - 1;
+      key = key * (most + 1) + static_cast<std::size_t>(std::clamp((x[v][c] - box.min()[c]) / cell, 0.0, static_cast<double>(most)));
+    }
+    of[key] = 0;
+    out[v] = static_cast<Index>(key);
+  }
+  count = 0;
+  for (Index& k : of)
+    if (k != kNoIndex) k = static_cast<Index>(count++);
+  for (Index& k : out)
+    if (k != kNoIndex) k = of[k];
+  return out;
+}
+
+/// The coarsest of a few grids with at least so many clusters; their number grows with the square of the grid's.
+std::vector<Index> enoughClusters(Points x, const std::vector<bool>& used, std::size_t vertices, std::size_t& count) {
   Box box;
   for (std::size_t v = 0; v < x.size(); ++v)
     if (used[v]) box.extend(x[v]);
-  const double cell = std::max(box.sizes().maxCoeff() / n, 1e-300);
-  std::vector<std::pair<std::uint64_t, Index>> keys;
-  for (std::size_t v = 0; v < x.size(); ++v) {
-    if (!used[v]) continue;
-    std::uint64_t key = 0;
-    for (int c = 0; c < 3; ++c)
-      key = key * 4096 + static_cast<std::uint64_t>(std::clamp((x[v][c] - box.min()[c]) / cell, 0.0, static_cast<double>(n - 1)));
-    keys.emplace_back(key, static_cast<Index>(v));
+  for (int n = 8;;) {
+    std::vector<Index> out = clusterOf(x, used, box, n, count);
+    if (count >= vertices || n == kFinestGrid) return out;
+    const double guess = 0.9 * n * std::sqrt(static_cast<double>(vertices) / static_cast<double>(std::max<std::size_t>(count, 1)));
+    n = std::min(kFinestGrid, std::max(n + n / 4, static_cast<int>(std::min(guess, 256.0))));
   }
-  std::sort(keys.begin(), keys.end());
-  std::vector<Index> out(x.size(), kNoIndex);
-  count = 0;
-  for (std::size_t i = 0; i < keys.size(); ++i) {
-    if (i > 0 && keys[i].first != keys[i - 1].first) ++count;
-    out[keys[i].second] = static_cast<Index>(count);
-  }
-  if (!keys.empty()) ++count;
-  return out;
 }
 
 /// The vertex of each cluster that is nearest to the cluster's mean.
@@ -149,24 +177,18 @@ std::vector<Index> representatives(Points x, const std::vector<Index>& cluster, 
   return out;
 }
 
-/// Rows of the basis at some vertices, from the matrix or, three nodes at a time, from combine().
+/// Rows of the basis at some vertices.
 RowMatrix rowsAt(const map::LinearMap& map, const Surface& surface, const MeshModel& fine, const std::vector<Index>& vertex) {
-  const auto rows = static_cast<Eigen::Index>(vertex.size());
-  RowMatrix out = RowMatrix::Zero(rows, static_cast<Eigen::Index>(fine.nodes()));
+  const auto count = static_cast<Eigen::Index>(vertex.size());
+  RowMatrix out = RowMatrix::Zero(count, static_cast<Eigen::Index>(fine.nodes()));
   if (fine.basis()) {
-    for (Eigen::Index r = 0; r < rows; ++r) out.row(r) = fine.basis()->row(static_cast<Eigen::Index>(vertex[static_cast<std::size_t>(r)])).head(out.cols());
+    for (Eigen::Index r = 0; r < count; ++r) out.row(r) = fine.basis()->row(static_cast<Eigen::Index>(vertex[static_cast<std::size_t>(r)])).head(out.cols());
     return out;
   }
-  std::vector<Vec3> unit(fine.nodes(), Vec3::Zero()), value(surface.base.size());
-  for (std::size_t i = 0; i < fine.nodes(); i += 3) {
-    for (std::size_t c = 0; c < 3 && i + c < fine.nodes(); ++c) unit[i + c] = Vec3::Unit(static_cast<int>(c));
-    map.combine(*surface.binding, unit, value);
-    for (std::size_t c = 0; c < 3 && i + c < fine.nodes(); ++c) {
-      unit[i + c].setZero();
-      for (Eigen::Index r = 0; r < rows; ++r)
-        out(r, static_cast<Eigen::Index>(i + c)) = value[vertex[static_cast<std::size_t>(r)]][static_cast<Eigen::Index>(c)];
-    }
-  }
+  const map::SparseRows rows = map.basisAt(*surface.binding, vertex);
+  for (std::size_t r = 0; r < rows.rows(); ++r)
+    for (std::size_t k = rows.start[r]; k < rows.start[r + 1]; ++k)
+      out(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(rows.column[k])) = rows.value[k];
   return out;
 }
 
@@ -175,9 +197,8 @@ RowMatrix rowsAt(const map::LinearMap& map, const Surface& surface, const MeshMo
 MeshModel clustered(const map::LinearMap& map, const Surface& surface, const MeshModel& fine, std::size_t vertices, Rims rims) {
   std::vector<bool> used(surface.base.size(), false);
   for (const Index v : surface.triangles) used[v] = true;
-  std::vector<Index> cluster;
   std::size_t count = 0;
-  for (int n = 8; n <= 256 && count < vertices; n += n / 4) cluster = clusterOf(surface.base, used, n, count);
+  const std::vector<Index> cluster = enoughClusters(surface.base, used, vertices, count);
   const std::vector<Index> vertex = representatives(surface.base, cluster, count);
   std::vector<Index> triangles, region;
   for (std::size_t t = 0; t < surface.triangles.size() / 3; ++t) {

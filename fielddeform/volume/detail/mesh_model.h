@@ -1,9 +1,12 @@
 #pragma once
 
+#include <fielddeform/volume/detail/wedge_plan.h>
 #include <fielddeform/volume/problem.h>
 
 #include <Eigen/Core>
 
+#include <memory>
+#include <mutex>
 #include <optional>
 
 namespace fielddeform::volume::detail {
@@ -24,6 +27,9 @@ class MeshModel {
   const std::vector<Vec3>& base() const noexcept { return base_; }
   const std::optional<RowMatrix>& basis() const noexcept { return basis_; }  ///< columns padded with zeros to a multiple of 4
 
+  /// How the form of a region is summed; vertices by their place in volume().vertices(region). Made when first asked for.
+  const WedgePlan& plan(std::size_t region) const;
+
   /// base + B d. @param x #V by 3, resized
   void positions(Points d, std::vector<Vec3>& x) const;
   /// B p without the base.
@@ -42,6 +48,11 @@ class MeshModel {
   std::vector<Vec3> base_;
   SurfaceVolume volume_;
   std::optional<RowMatrix> basis_;
+  struct Plans {
+    std::once_flag once;
+    std::vector<WedgePlan> regions;
+  };
+  std::shared_ptr<Plans> plans_ = std::make_shared<Plans>();
 };
 
 /// The basis of all bound points as a matrix, columns padded to a multiple of 4.
