@@ -165,11 +165,11 @@ void CasteljauMap::displacements(const Model& model, const Bound& bound, std::si
   for (std::size_t p = first; p < last && together; ++p)
     together = bound.kind[p] == PointKind::Inside && bound.piece[p] == bound.piece[first];
   if (together && moves(first)) {
-    std::array<double, 3 * detail::kSweepBlock> uvw, d;
-    for (std::size_t k = 0; k < count; ++k)
+    std::array<double, 3 * detail::kSweepBlock> uvw{}, d;
+    for (std::size_t k = 0; k < detail::kSweepBlock; ++k)
       for (std::size_t c = 0; c < 3; ++c) uvw[c * detail::kSweepBlock + k] = bound.uvw[first + k][static_cast<Eigen::Index>(c)];
     detail::sweepBlock(model.change[bound.piece[first]], uvw, d);
-    for (std::size_t k = 0; k < count; ++k) out[k] = Vec3(d[k], d[detail::kSweepBlock + k], d[2 * detail::kSweepBlock + k]);
+    for (std::size_t k = 0; k < detail::kSweepBlock; ++k) out[k] = Vec3(d[k], d[detail::kSweepBlock + k], d[2 * detail::kSweepBlock + k]);
     return;
   }
   Weights b;
