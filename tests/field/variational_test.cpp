@@ -122,17 +122,24 @@ TEST(Variational, GradientIsTheCentralDifference) {
     }
 }
 
-TEST(Variational, FarFromThePrimitiveItIsTheExactDistance) {
-  for (const Primitive& p : everyType()) {
-    const Field field(of({p}), fitted(600)), exact(of({p}));
-    for (std::uint64_t i = 0; i < 300; ++i) {
-      const Vec3 x = randomPoint(33, i, 4);
-      const FieldValue v = exact.evaluate(x);
-      if (v.pseudoDistance < 1.7 * 0.5) continue;  // fitted values above 1.15 radii
-      EXPECT_EQ(field.evaluate(x).pseudoDistance, v.pseudoDistance) << p.name;
-      EXPECT_FALSE(field.evaluate(x).inside);
+// Also in the corners of the box around a primitive, far from all constraints.
+TEST(Variational, BeyondThePrimitivesReachItIsTheExactDistance) {
+  Primitive octahedron = cube("o", 1, 0.5);
+  octahedron.points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
+  octahedron.faces = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  std::vector<Primitive> all = everyType();
+  all.push_back(octahedron);
+  for (const std::size_t centres : {600, 3000})
+    for (const Primitive& p : all) {
+      const Field field(of({p}), fitted(centres)), exact(of({p}));
+      for (std::uint64_t i = 0; i < 300; ++i) {
+        const Vec3 x = randomPoint(33, i, i % 2 ? 1.7 : 4);
+        const FieldValue v = exact.evaluate(x);
+        if (v.pseudoDistance < 1.15 * 0.5) continue;
+        EXPECT_EQ(field.evaluate(x).pseudoDistance, v.pseudoDistance) << p.name;
+        EXPECT_FALSE(field.evaluate(x).inside);
+      }
     }
-  }
 }
 
 TEST(Variational, PowersOfTwoScaleEveryBit) {

@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::size_t kMostDense = 2000;  // centres: above, the dense solve takes too long
 constexpr double kReach = 1.25;           // radii: nothing is fitted beyond
-constexpr double kFadeFrom = 0.85;        // fitted values between these give way to the exact distance, so that the
-constexpr double kFadeTo = 1.15;          // field ends where it should
+constexpr double kFadeFrom = 0.85;        // between these the fit gives way to the exact distance, so that the field
+constexpr double kFadeTo = 1.15;          // ends where it should
 
 class VariationalDistance final : public DistanceSource {
  public:
@@ -32,14 +32,18 @@ class VariationalDistance final : public DistanceSource {
 
   std::optional<Relative> at(const Vec3& point) const override {
     if (!box_.contains(point)) return std::nullopt;
+    // Beyond its constraints the fit means nothing: the exact distance says where that is.
+    const auto hit = distance_.closest(point, kFadeTo * radius_);
+    if (!hit) return std::nullopt;
+    const Relative exact = exactRelative(distance_, *hit);
+    const double depth = std::abs(exact.value);  // also deep inside a solid
+    if (depth >= kFadeTo) return exact;
     Relative fitted;
     fitted.value = (dense_ ? dense_->first(point, fitted.gradient) : compact_->evaluate(point, fitted.gradient)) / radius_;
     fitted.gradient /= radius_;
-    if (fitted.value < kFadeFrom) return fitted;
-    const auto hit = distance_.closest(point);
-    if (!hit || fitted.value >= kFadeTo) return std::nullopt;
+    if (depth <= kFadeFrom) return fitted;
     const double unit = 1 / (kFadeTo - kFadeFrom);
-    return mix(fitted, exactRelative(distance_, *hit), unit * (fitted.value - kFadeFrom), unit * fitted.gradient);
+    return mix(fitted, exact, unit * (depth - kFadeFrom), std::copysign(unit, exact.value) * exact.gradient);
   }
 
  private:
