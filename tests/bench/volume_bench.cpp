@@ -140,7 +140,7 @@ void writeCurves(const std::filesystem::path& folder, const std::string& figure,
     for (const auto& p : c.points) csv << fmt::format("{},{:.6g},{:.6g}\n", c.name, p[0], p[1]), t0 = std::min(t0, std::max(p[0], 1e-3)), t1 = std::max(t1, p[0]);
   const double w = 640, h = 400, left = 70, right = 20, top = 40, bottom = 50, low = -8, high = 0.5;
   const double x0 = std::floor(std::log10(t0)), x1 = std::ceil(std::log10(std::max(t1, 10 * t0)));
-  const auto x = [&](double t) { return left + (std::log10(std::max(t, t0)) - x0) / (x1 - x0) * (w - left - right); };
+  const auto x = [&](double t) { return left + (std::log10(t) - x0) / (x1 - x0) * (w - left - right); };
   const auto y = [&](double e) { return top + (high - std::clamp(std::log10(e), low, high)) / (high - low) * (h - top - bottom); };
   svg << fmt::format("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" font-family=\"sans-serif\" font-size=\"12\">\n", w, h);
   svg << fmt::format("<rect width=\"{}\" height=\"{}\" fill=\"white\"/><text x=\"{}\" y=\"22\" font-size=\"15\">{}</text>\n", w, h, left, title);
@@ -153,7 +153,7 @@ void writeCurves(const std::filesystem::path& folder, const std::string& figure,
   const char* colour[] = {"#1f77b4", "#d62728", "#2ca02c", "#9467bd"};
   for (std::size_t k = 0; k < curves.size(); ++k) {
     std::string path;
-    for (const auto& p : curves[k].points) path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", x(p[0]), y(p[1]));
+    for (const auto& p : curves[k].points) path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", x(std::max(p[0], t0)), y(p[1]));
     svg << fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.6\"/><text x=\"{}\" y=\"{}\" fill=\"{}\">{}</text>\n", path, colour[k % 4], w - right - 130, top + 16 + 16 * static_cast<double>(k), colour[k % 4], curves[k].name);
   }
   svg << "</svg>\n";
