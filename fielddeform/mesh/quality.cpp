@@ -59,9 +59,7 @@ struct SharpCounts {
   SharpCounts operator+(const SharpCounts& b) const { return {folds + b.folds, rest + b.rest, posed + b.posed}; }
 };
 
-SharpCounts countSharp(const Mesh& mesh, Points rest, Points posed) {
-  const Triangles triangles(mesh);
-  const EdgeTable table(mesh.vertexCount(), triangles.corners());
+SharpCounts countSharp(const EdgeTable& table, const Triangles& triangles, Points rest, Points posed) {
   return deterministicReduce(
       table.size(), kGrain, SharpCounts{},
       [&](std::size_t begin, std::size_t end) {
@@ -141,6 +139,11 @@ std::size_t countFoldsAt(const Mesh& mesh, const Triangles& triangles, const std
         return folds;
       },
       std::plus<>());
+}
+
+SharpCounts countSharp(const Mesh& mesh, Points rest, Points posed) {
+  const Triangles triangles(mesh);
+  return countSharp(EdgeTable(mesh.vertexCount(), triangles.corners()), triangles, rest, posed);
 }
 
 /// Smallest angle over the faces face(0) ... face(count - 1).
@@ -234,7 +237,9 @@ double smallestAngle(const Mesh& mesh, Points positions, std::span<const Index> 
 QualityReport compareQuality(const Mesh& mesh, Points rest, Points posed) {
   checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
   QualityReport out;
-  const SharpCounts sharp = countSharp(mesh, rest, posed);
+  const Triangles triangles(mesh);
+  const EdgeTable table(mesh.vertexCount(), triangles.corners());
+  const SharpCounts sharp = countSharp(table, triangles, rest, posed);
   out.folds = sharp.folds, out.sharpRest = sharp.rest, out.sharpPosed = sharp.posed;
   for (std::size_t f = 0; f < mesh.faceCount(); ++f)
     mesh.forEachTriangle(f, [&](Index a, Index b, Index c) {
@@ -245,7 +250,7 @@ QualityReport compareQuality(const Mesh& mesh, Points rest, Points posed) {
     });
   out.minAngleRest = smallestAngle(mesh, rest);
   out.minAnglePosed = smallestAngle(mesh, posed);
-  out.stretch = edgeStretch(EdgeTable(mesh), rest, posed);
+  out.stretch = mesh.allTriangles() ? edgeStretch(table, rest, posed) : edgeStretch(EdgeTable(mesh), rest, posed);
   return out;
 }
 
