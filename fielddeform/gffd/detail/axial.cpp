@@ -2,7 +2,9 @@
 #include <fielddeform/numeric/elementary.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 
 namespace fielddeform::gffd::detail {
 namespace {
@@ -75,8 +77,14 @@ LocalMotion AxialPredictor::at(const Vec3& point) const {
     return LocalMotion{f.rotation, f.move - (f.scale * (f.rotation * back) - back)};
   };
   if (n == 1) return motion(frameAt(0, field_->closest(0, point)));
-  std::vector<LocalMotion> motions(n);
-  std::vector<double> weights(n);
+  // No allocation for the few primitives of usual skeletons.
+  constexpr std::size_t kFew = 8;
+  std::array<LocalMotion, kFew> fewMotions;
+  std::array<double, kFew> fewWeights;
+  std::vector<LocalMotion> manyMotions(n > kFew ? n : 0);
+  std::vector<double> manyWeights(n > kFew ? n : 0);
+  const std::span<LocalMotion> motions(n > kFew ? manyMotions.data() : fewMotions.data(), n);
+  const std::span<double> weights(n > kFew ? manyWeights.data() : fewWeights.data(), n);
   double nearest = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < n; ++i) {
     const field::PrimitiveHit hit = field_->closest(i, point);
