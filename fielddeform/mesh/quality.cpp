@@ -235,22 +235,32 @@ double smallestAngle(const Mesh& mesh, Points positions, std::span<const Index> 
 }
 
 QualityReport compareQuality(const Mesh& mesh, Points rest, Points posed) {
+  return compareQuality(mesh, EdgeTable(mesh), rest, posed);
+}
+
+QualityReport compareQuality(const Mesh& mesh, const EdgeTable& edges, Points rest, Points posed) {
   checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
   QualityReport out;
   const Triangles triangles(mesh);
-  const EdgeTable table(mesh.vertexCount(), triangles.corners());
-  const SharpCounts sharp = countSharp(table, triangles, rest, posed);
+  const SharpCounts sharp = mesh.allTriangles() ? countSharp(edges, triangles, rest, posed) : countSharp(mesh, rest, posed);
   out.folds = sharp.folds, out.sharpRest = sharp.rest, out.sharpPosed = sharp.posed;
-  for (std::size_t f = 0; f < mesh.faceCount(); ++f)
-    mesh.forEachTriangle(f, [&](Index a, Index b, Index c) {
-      const Index t[3] = {a, b, c};
-      const bool before = normal(t, rest).has_value();
-      out.degenerateRest += !before;
-      out.collapsed += before && !normal(t, posed);
-    });
+  using Pair = std::array<std::size_t, 2>;
+  const Pair flat = deterministicReduce(
+      triangles.size(), kGrain, Pair{},
+      [&](std::size_t begin, std::size_t end) {
+        Pair n{};
+        for (std::size_t t = begin; t < end; ++t) {
+          const bool before = normal(triangles[t], rest).has_value();
+          n[0] += !before;
+          n[1] += before && !normal(triangles[t], posed);
+        }
+        return n;
+      },
+      [](const Pair& a, const Pair& b) { return Pair{a[0] + b[0], a[1] + b[1]}; });
+  out.degenerateRest = flat[0], out.collapsed = flat[1];
   out.minAngleRest = smallestAngle(mesh, rest);
   out.minAnglePosed = smallestAngle(mesh, posed);
-  out.stretch = mesh.allTriangles() ? edgeStretch(table, rest, posed) : edgeStretch(EdgeTable(mesh), rest, posed);
+  out.stretch = edgeStretch(edges, rest, posed);
   return out;
 }
 
@@ -261,23 +271,44 @@ std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed, std::span<
 }
 
 std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed) {
+  return countFlipped(mesh, EdgeTable(mesh), rest, posed);
+}
+
+std::size_t countFlipped(const Mesh& mesh, const EdgeTable& edges, Points rest, Points posed) {
   checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
-  const EdgeTable table(mesh);
-  std::vector<Mat3> ring(mesh.vertexCount(), Mat3::Zero()), fit = ring;
-  const auto spread = [&](std::vector<Mat3>& to, auto&& term) {
-    for (std::size_t e = 0; e < table.size(); ++e) {
-      const auto [a, b] = table.vertices(e);
-      to[a] += term(b, a), to[b] += term(a, b);
+  // The neighbours of each vertex, in the order of their edges.
+  std::vector<std::size_t> start(mesh.vertexCount() + 1, 0);
+  for (std::size_t e = 0; e < edges.size(); ++e)
+    for (const Index v : edges.vertices(e)) ++start[v + 1];
+  for (std::size_t v = 0; v < mesh.vertexCount(); ++v) start[v + 1] += start[v];
+  std::vector<Index> neighbour(start.back());
+  {
+    std::vector<std::size_t> next(start.begin(), start.end() - 1);
+    for (std::size_t e = 0; e < edges.size(); ++e) {
+      const auto [a, b] = edges.vertices(e);
+      neighbour[next[a]++] = b;
+      neighbour[next[b]++] = a;
     }
+  }
+  std::vector<Mat3> ring(mesh.vertexCount()), fit(mesh.vertexCount());
+  const auto forAll = [&](auto&& work) {
+    parallelFor(mesh.vertexCount(), 1024, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t v = begin; v < end; ++v) work(v);
+    });
   };
-  spread(ring, [&](Index a, Index b) {
-    const Mat3 c = (rest[a] - rest[b]) * (posed[a] - posed[b]).transpose();
-    return c.allFinite() ? c : Mat3(Mat3::Zero());
+  forAll([&](std::size_t v) {
+    Mat3 sum = Mat3::Zero();
+    for (std::size_t i = start[v]; i < start[v + 1]; ++i) {
+      const Index u = neighbour[i];
+      const Mat3 c = (rest[u] - rest[v]) * (posed[u] - posed[v]).transpose();
+      if (c.allFinite()) sum += c;
+    }
+    ring[v] = sum;
   });
-  fit = ring;
-  spread(fit, [&](Index a, Index) -> const Mat3& { return ring[a]; });
-  parallelFor(fit.size(), 256, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v) fit[v] = numeric::kabsch(fit[v]);
+  forAll([&](std::size_t v) {
+    Mat3 sum = ring[v];
+    for (std::size_t i = start[v]; i < start[v + 1]; ++i) sum += ring[neighbour[i]];
+    fit[v] = numeric::kabsch(sum);
   });
   return flippedWith(mesh, rest, posed, fit);
 }

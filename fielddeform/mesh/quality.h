@@ -32,6 +32,8 @@ struct QualityReport {
 /// @param rest, posed  #V by 3, world
 /// @throw std::invalid_argument if a count differs from the mesh's vertices.
 QualityReport compareQuality(const Mesh& mesh, Points rest, Points posed);
+/// The same where the mesh's edges are known.
+QualityReport compareQuality(const Mesh& mesh, const EdgeTable& edges, Points rest, Points posed);
 
 /// Folds alone.
 std::size_t countFolds(const Mesh& mesh, Points rest, Points posed);
@@ -49,5 +51,6 @@ double smallestAngle(const Mesh& mesh, Points positions, std::span<const Index> 
 std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed, std::span<const Mat3> jacobians);
 /// The same without derivatives: the rotation is the best fit of the edges around each vertex, two rings deep.
 std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed);
+std::size_t countFlipped(const Mesh& mesh, const EdgeTable& edges, Points rest, Points posed);
 
 }  // namespace fielddeform::mesh
