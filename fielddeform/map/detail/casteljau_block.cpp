@@ -10,9 +10,21 @@ typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
 typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
 typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
 
+// By name: as a template's argument a vector type would lose its alignment.
+struct Baseline {
+  using Pack = Two;
+};
+struct Avx2 {
+  using Pack = Four;
+};
+struct Avx512 {
+  using Pack = Eight;
+};
+
 /// Numbers side by side that never meet.
-template <class Pack>
+template <class L>
 struct Lanes {
+  using Pack = typename L::Pack;
   Pack v;
 
   Lanes() = default;
@@ -28,21 +40,22 @@ struct Lanes {
   }
 };
 
-template <class Pack>
+template <class L>
 FIELDDEFORM_SIMD_INLINE void kernel(const Sweep& s, const Block& uvw, Block& out) {
+  using Pack = typename L::Pack;
   constexpr std::size_t lanes = sizeof(Pack) / 8;
-  Lanes<Pack> b[kMaxCasteljauDegree + 1];
+  Lanes<L> b[kMaxCasteljauDegree + 1];
   for (std::size_t p = 0; p < kSweepBlock; p += lanes) {
-    Triple<Lanes<Pack>> u, x;
+    Triple<Lanes<L>> u, x;
     for (std::size_t c = 0; c < 3; ++c) u[c].v = *reinterpret_cast<const Pack*>(&uvw[c * kSweepBlock + p]);
     sweep(s.degree, s.c.data(), s.s.data(), s.t.data(), u, b, x);
     for (std::size_t c = 0; c < 3; ++c) *reinterpret_cast<Pack*>(&out[c * kSweepBlock + p]) = x[c].v;
   }
 }
 
-void baseline(const Sweep& s, const Block& uvw, Block& out) { kernel<Two>(s, uvw, out); }
-FIELDDEFORM_SIMD_AVX2 void avx2(const Sweep& s, const Block& uvw, Block& out) { kernel<Four>(s, uvw, out); }
-FIELDDEFORM_SIMD_AVX512 void avx512(const Sweep& s, const Block& uvw, Block& out) { kernel<Eight>(s, uvw, out); }
+void baseline(const Sweep& s, const Block& uvw, Block& out) { kernel<Baseline>(s, uvw, out); }
+FIELDDEFORM_SIMD_AVX2 void avx2(const Sweep& s, const Block& uvw, Block& out) { kernel<Avx2>(s, uvw, out); }
+FIELDDEFORM_SIMD_AVX512 void avx512(const Sweep& s, const Block& uvw, Block& out) { kernel<Avx512>(s, uvw, out); }
 
 }  // namespace
 
