@@ -98,7 +98,10 @@ TEST(Axial, FramesAreKept) {
   // Distances to the axis, and the plane across it: what the method promises.
   const skeleton::Skeleton rest = spine();
   skeleton::Skeleton posed = rest;
-  for (Vec3& p : posed.primitives[0].points) p = Vec3(0.5 * p.z() * p.z(), 0.2 * std::sin(2 * p.z()), p.z());
+  for (Vec3& p : posed.primitives[0].points) {
+    posed.primitives[0].roll.push_back(2 * p.z());
+    p = Vec3(0.5 * p.z() * p.z(), 0.2 * std::sin(2 * p.z()), p.z());
+  }
   const SkeletonMotion motion = motionBetween(rest, posed);
   const AxialMap map(motion);
   const SplineCurve c(posed.primitives[0].points, false, SplineCurve::chordParameters(rest.primitives[0].points, false));

@@ -104,6 +104,25 @@ TEST(ExtendedLattice, JoinedSmoothlyTheWholeMapIsC1) {
   }
 }
 
+TEST(ExtendedLattice, CellsOfDifferentLengthsJoinSmoothlyToo) {
+  ExtendedLattice lattice = box();
+  for (Vec3& p : lattice.nodes)
+    if (p.x() > 0) p.x() *= 2;
+  for (const Joint& joint : jointsOf(lattice)) {
+    const bool across = std::abs(lattice.nodes[joint.face].x() - lattice.nodes[joint.in].x()) > 0.1;
+    EXPECT_NEAR(joint.ratio, across ? 2 : 1, 1e-12);
+  }
+  lattice.displacements = randomMoves(lattice.nodes.size(), 0.1);
+  lattice.displacements = joinSmoothly(lattice);
+  const ExtendedLatticeMap map(lattice);
+  for (const Vec3& p : cloud(6, 50, 0.9)) {
+    std::vector<Mat3> j(2);
+    const std::vector<Vec3> sides{Vec3(1e-9, p.y(), p.z()), Vec3(-1e-9, p.y(), p.z())};
+    map.jacobians(*map.bind(sides), j);
+    EXPECT_LT((j[0] - j[1]).norm(), 1e-6);
+  }
+}
+
 TEST(ExtendedLattice, PinnedNodesKeepTheirDisplacement) {
   ExtendedLattice lattice = box();
   lattice.displacements = randomMoves(lattice.nodes.size(), 0.1);
