@@ -82,11 +82,9 @@ SkeletonMotion motionOf(const skeleton::SkeletonPair& pair, std::string_view met
 }
 
 PointPairs pointPairs(const SkeletonMotion& motion, const PairOptions& options) {
-  std::size_t points = 0, all = 0;
-  for (const Primitive& p : motion.rest.primitives) {
-    points += p.points.size();
+  std::size_t all = 0;
+  for (const Primitive& p : motion.rest.primitives)
     all += p.points.size() * (1 + static_cast<std::size_t>(options.rings) * framesOf(p.type));
-  }
   const std::size_t stride = std::max<std::size_t>(1, (all + options.most - 1) / std::max<std::size_t>(options.most, 1));
   PointPairs out;
   const auto forEach = [&](auto&& call) {
