@@ -174,8 +174,9 @@ TEST(SamplesSlow, ScenesFollowTheirSkeletonsWithoutFolds) {
   }
   int scenes = 0;
   for (const auto& entry : std::filesystem::directory_iterator(FIELDDEFORM_SAMPLES_DIR)) {
-    // The figures of Qin et al.; those of Hsu et al. are run by hsu_test.cpp.
-    if (!entry.path().filename().string().starts_with("figure")) continue;
+    // The figures of Qin et al. that deform a mesh; those of Hsu et al. are run by hsu_test.cpp.
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with("figure") || name.starts_with("figures01-04")) continue;
     const auto copy = folder / entry.path().filename();
     std::filesystem::create_directories(copy);
     std::filesystem::copy_file(entry.path() / "scene.json", copy / "scene.json",
