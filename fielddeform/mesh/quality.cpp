@@ -274,15 +274,17 @@ std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed) {
   return countFlipped(mesh, EdgeTable(mesh), rest, posed);
 }
 
-std::size_t countFlipped(const Mesh& mesh, const EdgeTable& edges, Points rest, Points posed) {
+std::size_t countFlipped(const Mesh& mesh, EdgeTable table, Points rest, Points posed) {
   checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
   // The neighbours of each vertex, in the order of their edges.
   std::vector<std::size_t> start(mesh.vertexCount() + 1, 0);
-  for (std::size_t e = 0; e < edges.size(); ++e)
-    for (const Index v : edges.vertices(e)) ++start[v + 1];
-  for (std::size_t v = 0; v < mesh.vertexCount(); ++v) start[v + 1] += start[v];
-  std::vector<Index> neighbour(start.back());
+  std::vector<Index> neighbour;
   {
+    const EdgeTable edges = std::move(table);  // gone before the fits need room
+    for (std::size_t e = 0; e < edges.size(); ++e)
+      for (const Index v : edges.vertices(e)) ++start[v + 1];
+    for (std::size_t v = 0; v < mesh.vertexCount(); ++v) start[v + 1] += start[v];
+    neighbour.resize(start.back());
     std::vector<std::size_t> next(start.begin(), start.end() - 1);
     for (std::size_t e = 0; e < edges.size(); ++e) {
       const auto [a, b] = edges.vertices(e);

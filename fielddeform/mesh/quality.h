@@ -51,6 +51,7 @@ double smallestAngle(const Mesh& mesh, Points positions, std::span<const Index> 
 std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed, std::span<const Mat3> jacobians);
 /// The same without derivatives: the rotation is the best fit of the edges around each vertex, two rings deep.
 std::size_t countFlipped(const Mesh& mesh, Points rest, Points posed);
-std::size_t countFlipped(const Mesh& mesh, const EdgeTable& edges, Points rest, Points posed);
+/// @param edges  of the mesh; gone before the fits need room
+std::size_t countFlipped(const Mesh& mesh, EdgeTable edges, Points rest, Points posed);
 
 }  // namespace fielddeform::mesh

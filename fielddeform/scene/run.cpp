@@ -204,7 +204,7 @@ class Runner {
     r.faces = mesh_.faceCount();
     r.status = countStatuses(posed_.status);
     r.residual = maxAndP99(posed_.residual);
-    const mesh::EdgeTable edges(mesh_);
+    mesh::EdgeTable edges(mesh_);
     const mesh::QualityReport quality = mesh::compareQuality(mesh_, edges, rest, posed_.position);
     r.foldsBefore = foldsOfInput_.value_or(quality.sharpRest);
     r.foldsAfter = quality.folds;
@@ -214,7 +214,7 @@ class Runner {
         warn(fmt::format("the volume pass folded {} edges more", quality.folds - before));
     }
     r.stretch = {quality.stretch.max, quality.stretch.p99};
-    r.flipped = mesh::countFlipped(mesh_, edges, rest, posed_.position);
+    r.flipped = mesh::countFlipped(mesh_, std::move(edges), rest, posed_.position);
     if (const std::size_t stalled = r.status[static_cast<std::size_t>(Status::Stalled)]; stalled == r.vertices && stalled > 0)
       warn("no vertex could be brought back to its field value: all are stalled");
     measureVolume(r.volume);
