@@ -29,6 +29,17 @@ typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
 typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
 typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
 
+// The widest vector of each level, as a template's argument.
+struct Baseline {
+  using Pack = Two;
+};
+struct Avx2 {
+  using Pack = Four;
+};
+struct Avx512 {
+  using Pack = Eight;
+};
+
 enum class SimdLevel : std::uint8_t { Baseline, Avx2, Avx512 };  ///< Baseline: SSE2 on x86-64, what the compiler has elsewhere
 
 std::string_view toString(SimdLevel level) noexcept;  ///< "baseline", "avx2", "avx512"

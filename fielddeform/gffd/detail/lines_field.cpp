@@ -16,13 +16,6 @@ constexpr int kJumps = 8;
 // Nearer to a segment's end than this share of the reach, rounding may prefer its neighbour: both are tried, from either side.
 constexpr double kUndecided = 1e-7;
 
-// Scenes name other distances than the exact one from some version on.
-template <class Options>
-bool isExact(const Options& options) {
-  if constexpr (requires { options.distance.kind; }) return static_cast<int>(options.distance.kind) == 0;
-  else return true;
-}
-
 struct Foot {
   double x, y, z, square;
 };
@@ -31,7 +24,7 @@ struct Foot {
 
 std::optional<LinesField> LinesField::of(const skeleton::Skeleton& skeleton, const field::FieldOptions& options,
                                          double reference) {
-  if (!isExact(options) || options.extension != field::Extension::Linear) return std::nullopt;
+  if (options.distance.kind != field::Distance::Exact || options.extension != field::Extension::Linear) return std::nullopt;
   if (options.potential != skeleton::Potential::Exponential) return std::nullopt;
   LinesField f;
   for (const auto& p : skeleton.primitives) {

@@ -6,20 +6,7 @@ namespace {
 using fielddeform::detail::SimdLevel;
 using Block = std::array<double, 3 * kSweepBlock>;
 
-typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
-typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
-
-// By name: as a template's argument a vector type would lose its alignment.
-struct Baseline {
-  using Pack = Two;
-};
-struct Avx2 {
-  using Pack = Four;
-};
-struct Avx512 {
-  using Pack = Eight;
-};
+using fielddeform::detail::Baseline, fielddeform::detail::Avx2, fielddeform::detail::Avx512;
 
 /// Numbers side by side that never meet.
 template <class L>

@@ -12,19 +12,8 @@ namespace {
 using fielddeform::detail::SimdLevel;
 using fielddeform::detail::simdLevel;
 
-typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
-typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
-typedef double Eight __attribute__((vector_size(64), aligned(8), may_alias));
-
-struct Baseline {
-  using Pack = Two;
-};
-struct Avx2 {
-  using Pack = Four;
-};
-struct Avx512 {
-  using Pack = Eight;
-};
+using fielddeform::detail::Baseline, fielddeform::detail::Avx2, fielddeform::detail::Avx512;
+using fielddeform::detail::Eight;
 
 struct Task {
   const double* blocks;
