@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 
@@ -57,6 +58,19 @@ PressTool PressTool::solid(const mesh::Mesh& mesh) {
   impl->solid.emplace(Solid{mesh::boundingBox(mesh.positions()), spatial::ClosestTree::ofTriangles(mesh.positions(), triangles),
                             spatial::WindingNumber(mesh.positions(), triangles)});
   return PressTool(std::move(impl));
+}
+
+bool PressTool::isPlane() const { return !impl_->solid; }
+
+double PressTool::clearance(const Vec3& point, double enough) const {
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  if (!point.allFinite()) return kFar;
+  if (!impl_->solid) return impl_->normal.dot(point - impl_->point);
+  const Solid& s = *impl_->solid;
+  const bool within = s.box.contains(point);
+  if (!within && s.box.exteriorDistance(point) > enough) return kFar;
+  const double distance = s.tree.closest(point).distance;
+  return within && std::abs(s.winding.at(point)) > 0.5 ? -distance : distance;
 }
 
 PressTool::Contact PressTool::contact(const Vec3& point) const {

@@ -22,6 +22,11 @@ class PressTool {
     Vec3 out = Vec3::Zero();      ///< unit, from the point towards `surface`; meaningful if depth > 0
   };
   Contact contact(const Vec3& point) const;
+  /// Signed distance to the tool's surface, world, negative inside; +infinity for points that are not finite.
+  /// @param enough  if the distance is larger than this, some number larger than it may come back instead
+  double clearance(const Vec3& point, double enough) const;
+  /// A flat face is out of it where its corners are.
+  bool isPlane() const;
 
   ~PressTool();
   PressTool(const PressTool&);

@@ -1,6 +1,7 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/map/detail/auto_refine.h>
+#include <fielddeform/map/detail/press_faces.h>
 #include <fielddeform/map/sculpt.h>
 #include <fmt/format.h>
 
@@ -16,6 +17,7 @@ constexpr std::size_t kAdviceTargets = 500;   // more are not tried out for the 
 constexpr std::size_t kAdviceNodes = 20'000;
 
 constexpr double kPressDamping = 0.05;
+constexpr int kFaceRounds = 12;
 
 // What a tool asks of thousands of vertices is a wish, met to a share. Exact least squares would throw nodes that hardly reach
 // the surface far away for the last digits: they fold space there. Damped, they stay.
@@ -142,7 +144,20 @@ class Sculptor {
   template <class Pull>
   MoveReport pull(const char* kind, Pull&& wanted);
   void advise(const Targets& targets, MoveReport& report);
-  std::vector<std::size_t> inside(const PressTool& tool, std::vector<PressTool::Contact>& contact) const;
+  struct Held {
+    std::size_t point = 0;
+    Vec3 target = Vec3::Zero();  // world
+    double depth = 0;
+  };
+  struct Inside {
+    std::vector<Held> held;  // deepest first
+    std::size_t tooDeep = 0, facesTooDeep = 0;
+    double deepest = 0;
+    bool clashes() const { return tooDeep > 0 || facesTooDeep > 0; }
+  };
+  Inside inside(const PressTool& tool) const;
+  void pressRound(const Inside& in, MoveReport& report);
+  Inside pressFaces(const PressTool& tool, Inside in, MoveReport& report);
 
   Points rest_;
   const SculptOptions& options_;
@@ -213,50 +228,91 @@ void Sculptor::advise(const Targets& targets, MoveReport& report) {
                       : fmt::format("{}: even {} x {} x {} nodes would leave {:.3g}", missed, n[0], n[1], n[2], finer.report.largestMiss);
 }
 
-// The vertices inside a tool, deepest first.
-std::vector<std::size_t> Sculptor::inside(const PressTool& tool, std::vector<PressTool::Contact>& contact) const {
-  contact.resize(now_.size());
+// The vertices inside a tool, deepest first; where none is too deep, the corners of faces that are.
+Sculptor::Inside Sculptor::inside(const PressTool& tool) const {
+  // A little beyond the surface, so that the last round ends outside and not on the last bit.
+  const double tolerance = options_.pressTolerance * size(), faceTolerance = options_.faceTolerance * size();
+  std::vector<PressTool::Contact> contact(now_.size());
   parallelFor(now_.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) contact[v] = tool.contact(now_[v]);
   });
-  std::vector<std::size_t> list;
-  for (std::size_t v = 0; v < contact.size(); ++v)
-    if (contact[v].depth > 0) list.push_back(v);
-  std::stable_sort(list.begin(), list.end(), [&](std::size_t a, std::size_t b) { return contact[a].depth > contact[b].depth; });
-  return list;
+  Inside in;
+  for (std::size_t v = 0; v < contact.size(); ++v) {
+    const PressTool::Contact& c = contact[v];
+    if (!(c.depth > 0)) continue;
+    in.held.push_back({v, c.surface + 0.5 * tolerance * c.out, c.depth});
+    in.deepest = std::max(in.deepest, c.depth);
+    in.tooDeep += c.depth > tolerance;
+  }
+  if (in.tooDeep == 0 && !tool.isPlane()) {
+    const auto faces = detail::facesInside(tool, now_, options_.triangles, faceTolerance);
+    in.facesTooDeep = faces.size();
+    std::vector<Vec3> push(faces.empty() ? 0 : now_.size(), Vec3::Zero());
+    std::vector<double> depth(push.size(), 0);
+    for (const auto& [triangle, weight, c] : faces) {
+      in.deepest = std::max(in.deepest, c.depth);
+      for (int k = 0; k < 3; ++k) {  // the shortest moves of the corners that bring the place out
+        const Index v = options_.triangles[triangle][static_cast<std::size_t>(k)];
+        const Vec3 move = (c.depth + 0.5 * faceTolerance) * weight[k] / weight.squaredNorm() * c.out;
+        if (move.squaredNorm() > push[v].squaredNorm()) push[v] = move, depth[v] = c.depth;
+      }
+    }
+    for (std::size_t v = 0; v < push.size(); ++v)
+      if (depth[v] > 0) in.held.push_back({v, now_[v] + push[v], depth[v]});
+  }
+  std::stable_sort(in.held.begin(), in.held.end(), [](const Held& a, const Held& b) { return a.depth > b.depth; });
+  return in;
+}
+
+void Sculptor::pressRound(const Inside& in, MoveReport& report) {
+  progress_.throwIfCancelled();
+  Targets targets;
+  targets.pinnedPoints = options_.pinnedPoints;
+  const std::size_t most = mostTargets();
+  for (const Held& held : in.held) {
+    if (targets.points.size() == most) break;
+    targets.points.push_back({rest_[held.point], held.target, 1});
+  }
+  ++report.rounds;
+  detail::Solved solved = detail::solveRefining(piece_, targets, forTools(options_.solve, kPressDamping), 0, progress_);
+  report.solve = std::move(solved.report);
+  accept(std::move(solved.before), std::move(solved.displacements));
+}
+
+// Corners give way to what cuts the faces between them, a few times: where that does not end, one face's way out is another's way
+// in, and the lattice would only be dented. Then everything stays as the points left it.
+Sculptor::Inside Sculptor::pressFaces(const PressTool& tool, Inside in, MoveReport& report) {
+  const std::vector<Vec3> displacements = piece_.lattice.displacements;
+  const std::vector<float> affected = affected_;
+  const Inside before = in;
+  for (int round = 0; round < kFaceRounds && in.clashes() && report.rounds < options_.pressRounds; ++round) {
+    pressRound(in, report);
+    in = inside(tool);
+  }
+  if (!in.clashes()) return in;
+  piece_.lattice.displacements = displacements;
+  map_ = map_->withDisplacements(displacements);
+  affected_ = affected;
+  place();
+  return before;
 }
 
 MoveReport Sculptor::operator()(const Press& move) {
   MoveReport report = begin("press");
-  std::vector<PressTool::Contact> contact;
-  std::vector<std::size_t> in = inside(move.tool, contact);
-  const double tolerance = options_.pressTolerance * size();
-  const auto deepest = [&] { return in.empty() ? 0.0 : contact[in.front()].depth; };
-  report.vertices = in.size();
-  report.deepestBefore = deepest();
-  double best = deepest();
+  Inside in = inside(move.tool);
+  report.vertices = in.held.size();
+  report.deepestBefore = in.deepest;
+  double best = in.deepest;
   int stalled = 0;
-  while (deepest() > tolerance && report.rounds < options_.pressRounds) {
-    progress_.throwIfCancelled();
-    Targets targets;
-    targets.pinnedPoints = options_.pinnedPoints;
-    const std::size_t most = mostTargets();
-    for (const std::size_t v : in) {
-      if (targets.points.size() == most) break;
-      // A little beyond the surface, so that the last round ends outside and not on the last bit.
-      targets.points.push_back({rest_[v], contact[v].surface + 0.5 * tolerance * contact[v].out, 1});
-    }
-    ++report.rounds;
-    detail::Solved solved = detail::solveRefining(piece_, targets, forTools(options_.solve, kPressDamping), 0, progress_);
-    report.solve = std::move(solved.report);
-    accept(std::move(solved.before), std::move(solved.displacements));
-    in = inside(move.tool, contact);
-    stalled = deepest() < 0.9 * best ? 0 : stalled + 1;
-    best = std::min(best, deepest());
+  while (in.tooDeep > 0 && report.rounds < options_.pressRounds) {
+    pressRound(in, report);
+    in = inside(move.tool);
+    stalled = in.deepest < 0.9 * best ? 0 : stalled + 1;
+    best = std::min(best, in.deepest);
     if (stalled < 8) continue;
     std::vector<detail::Failure> failures;
-    for (const std::size_t v : in)
-      if (contact[v].depth > tolerance) failures.push_back({rest_[v], contact[v].depth});
+    for (const Held& held : in.held)
+      if (held.depth > options_.pressTolerance * size()) failures.push_back({rest_[held.point], held.depth});
     auto finer = detail::refineWhereItFails(piece_, failures, options_.maxNodes);
     if (!finer) continue;
     std::vector<Vec3> same = finer->lattice.displacements;
@@ -264,12 +320,17 @@ MoveReport Sculptor::operator()(const Press& move) {
     ++report.refinements;
     stalled = 0;
   }
+  if (in.tooDeep == 0 && in.facesTooDeep > 0) in = pressFaces(move.tool, std::move(in), report);
   report.nodes = piece_.lattice.nodes();
-  report.deepestAfter = deepest();
-  for (const std::size_t v : in) report.penetrating += contact[v].depth > tolerance;
+  report.deepestAfter = in.deepest;
+  report.penetrating = in.tooDeep;
+  report.penetratingFaces = in.facesTooDeep;
   if (report.penetrating > 0)
     report.advice = fmt::format("{} vertices are still inside the tool, the deepest by {:.3g}: a lattice of more nodes gives way more freely",
                                 report.penetrating, report.deepestAfter);
+  else if (report.penetratingFaces > 0)
+    report.advice = fmt::format("{} faces are still cut by the tool between their corners, the deepest by {:.3g}: a lattice of more nodes, or an "
+                                "object of smaller faces, gives way more freely", report.penetratingFaces, report.deepestAfter);
   return report;
 }
 
@@ -279,6 +340,7 @@ void SculptOptions::validate() const {
   solve.validate();
   requirePositive("toolTolerance", toolTolerance);
   requirePositive("pressTolerance", pressTolerance);
+  requirePositive("faceTolerance", faceTolerance);
   requireInRange("pressRounds", pressRounds, 1, 1e9);
   for (const Vec3& p : pinnedPoints)
     if (!p.allFinite()) throw std::invalid_argument("pinnedPoints: a point is not finite");

@@ -4,7 +4,9 @@
 #include <fielddeform/map/direct_manipulation.h>
 #include <fielddeform/map/press_tool.h>
 
+#include <array>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 
@@ -37,7 +39,8 @@ struct SuctionCup {
   double turn = 0;              ///< radians about the axis, right-handed
 };
 
-/// Presses the object against a tool until no vertex is inside: those that are go to the tool's surface, all others are free.
+/// Presses the object against a tool until nothing of it is inside: vertices that are go to the tool's surface, all others are
+/// free. Then the corners of faces that are still cut between vertices outside (SculptOptions::triangles), if that comes to an end.
 /// [Hsu et al. 1992, Figures 3 to 5 and "Play-Doh", section 4.2]
 struct Press {
   PressTool tool;
@@ -52,7 +55,10 @@ struct SculptOptions {
   /// Nodes up to which the lattice may be refined where a move asks for more than it can give; 0: as it is.
   std::size_t maxNodes = 0;
   double toolTolerance = 0.02;              ///< > 0, of the pull: what a magnet or a cup may miss without refinement
+  /// Triples of indices into the points: the flat faces that presses keep out of closed tools; empty: the points alone.
+  std::span<const std::array<Index, 3>> triangles{};
   double pressTolerance = 1e-6;             ///< > 0, of the lattice's size: how deep a vertex may stay inside a tool
+  double faceTolerance = 1e-4;              ///< > 0, of the lattice's size: the same of the inside of a face
   int pressRounds = 200;                    ///< >= 1
   std::size_t maxEntries = 8'000'000;       ///< of the equations of one solve (12 bytes each, thrice): more vertices are thinned out
 
@@ -70,6 +76,7 @@ struct MoveReport {
   double deepestBefore = 0;        ///< world: penetration before and after a press
   double deepestAfter = 0;
   std::size_t penetrating = 0;     ///< vertices deeper than the tolerance after a press
+  std::size_t penetratingFaces = 0;  ///< the same of the triangles that were given
   std::string advice{};            ///< empty if all was reached; else one sentence
 };
 
@@ -83,7 +90,7 @@ struct Sculpted {
 /// Applies moves to a lattice one after the other, each to the object as the ones before left it.
 /// @param lattice  with or without displacements
 /// @param rest     #V by 3, world, undeformed: the object's vertices, and any more points of its surface that a press shall keep
-///                 out of tools (between two vertices the surface may still cut a tool's corner)
+///                 out of tools
 /// @throw std::invalid_argument, InfeasibleError (moveTargets()); Cancelled
 Sculpted sculpt(Lattice lattice, Points rest, std::span<const Move> moves, const SculptOptions& options, Progress& progress);
 

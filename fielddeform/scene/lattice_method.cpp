@@ -163,14 +163,21 @@ class LatticeMethod final : public Method {
       moves.push_back(map::loadMove(move, points));
       presses = presses || std::holds_alternative<map::Press>(moves.back());
     }
-    if (presses) addMiddles(mesh, points);
+    std::vector<std::array<Index, 3>> triangles;
+    if (presses) {
+      for (std::size_t f = 0; f < mesh.faceCount(); ++f)
+        mesh.forEachTriangle(f, [&](Index a, Index b, Index c) { triangles.push_back({a, b, c}); });
+      options.triangles = triangles;
+      addMiddles(mesh, points);
+    }
     Progress silent;
     map::Sculpted result = map::sculpt(std::move(lattice), points, moves, options, silent);
     moves_.insert(moves_.end(), result.moves.begin(), result.moves.end());
     return std::move(result.lattice);
   }
 
-  // Between its vertices the surface may still cut into a tool: the middles of its edges and faces are kept out, too.
+  // The middles of edges and faces are pressed like vertices: they spread over the lattice what faces that are still cut would ask
+  // of their three corners alone, which leaves dents.
   static void addMiddles(const mesh::Mesh& mesh, std::vector<Vec3>& points) {
     const mesh::EdgeTable edges(mesh);
     points.reserve(points.size() + edges.size() + mesh.faceCount());

@@ -97,7 +97,7 @@ void writeMoves(JsonWriter& json, const std::vector<map::MoveReport>& moves) {
     json.end().member("refinements", m.refinements);
     if (m.kind == "press") {
       json.member("rounds", m.rounds).member("deepest_before", m.deepestBefore).member("deepest_after", m.deepestAfter);
-      json.member("penetrating", m.penetrating);
+      json.member("penetrating", m.penetrating).member("penetrating_faces", m.penetratingFaces);
     } else {
       json.member("met", m.solve.met).member("unmet", m.solve.unmet).member("outside", m.solve.outside);
       json.member("largest_miss", m.solve.largestMiss).member("largest_pin_shift", m.solve.largestPinShift);

@@ -178,7 +178,7 @@ class Runner {
   volume::LocalReport passOver(std::vector<Vec3>& position) {
     if (weight_.empty()) weight_ = method_->falloffWeights(mesh_);
     volume::LocalResult r = volume::preserveLocally(
-        {.rest = mesh_, .posed = position, .weight = weight_, .mask = volumeMask_}, scene_.volume->options, progress_);
+        {.rest = mesh_, .posed = position, .weight = weight_, .mask = volumeMask_, .edges = &*edges_}, scene_.volume->options, progress_);
     position = std::move(r.position);
     return std::move(r.report);
   }
@@ -188,6 +188,7 @@ class Runner {
     VolumePassReport& pass = result_.report.volume.pass.emplace();
     pass.options = scene_.volume->options;
     const std::vector<Vec3> tracked = posed_.position;
+    edges_.emplace(mesh_);
     pass.result = passOver(posed_.position);
     pass.foldsBefore = mesh::countFolds(mesh_, mesh_.positions(), tracked);
     std::vector<float> residual = posed_.residual;
@@ -204,7 +205,9 @@ class Runner {
     r.faces = mesh_.faceCount();
     r.status = countStatuses(posed_.status);
     r.residual = maxAndP99(posed_.residual);
-    mesh::EdgeTable edges(mesh_);
+    mesh::EdgeTable edges = edges_ ? std::move(*edges_) : mesh::EdgeTable(mesh_);
+    edges_.reset();
+    const mesh::EdgeCounts counts = mesh::countEdges(edges);
     const mesh::QualityReport quality = mesh::compareQuality(mesh_, edges, rest, posed_.position);
     r.foldsBefore = foldsOfInput_.value_or(quality.sharpRest);
     r.foldsAfter = quality.folds;
@@ -217,13 +220,12 @@ class Runner {
     r.flipped = mesh::countFlipped(mesh_, std::move(edges), rest, posed_.position);
     if (const std::size_t stalled = r.status[static_cast<std::size_t>(Status::Stalled)]; stalled == r.vertices && stalled > 0)
       warn("no vertex could be brought back to its field value: all are stalled");
-    measureVolume(r.volume);
+    measureVolume(r.volume, counts);
     method_->describe(r);
     check();
   }
 
-  void measureVolume(VolumeReport& volume) const {
-    const mesh::EdgeCounts edges = mesh::countEdges(mesh::EdgeTable(mesh_));
+  void measureVolume(VolumeReport& volume, const mesh::EdgeCounts& edges) const {
     const mesh::MaybeVolume before = mesh::volume(mesh_, mesh_.positions(), edges);
     const mesh::MaybeVolume after = mesh::volume(mesh_, posed_.position, edges);
     volume.before = before.value;
@@ -306,6 +308,7 @@ class Runner {
   std::vector<double> mask_, volumeMask_;  // #V or empty
   std::vector<double> weight_;        // the falloff's, once it was asked for
   Posed posed_;
+  std::optional<mesh::EdgeTable> edges_;              ///< from the volume pass to the report
   std::optional<std::size_t> foldsOfInput_;  ///< counted before resampling divides its edges
   render::Image picture_;
 };

@@ -2,6 +2,7 @@
 
 #include <fielddeform/core/progress.h>
 #include <fielddeform/mesh/mesh.h>
+#include <fielddeform/mesh/topology.h>
 
 #include <array>
 #include <optional>
@@ -54,6 +55,7 @@ struct LocalInput {
   Points posed;                      ///< #V by 3, world
   std::span<const double> weight{};  ///< #V in [0, 1], 0 where the edit had no influence; empty: the edit has no falloff
   std::span<const double> mask{};    ///< #V in [0, 1], for MaskKind::Given
+  const mesh::EdgeTable* edges = nullptr;  ///< of the rest, if the caller has them
 };
 
 struct LocalReport {

@@ -107,16 +107,6 @@ SurfaceVolume::SurfaceVolume(Points rest, std::vector<Index> triangles, std::vec
     std::copy_n(triangles.begin() + static_cast<std::ptrdiff_t>(3 * t), 3, triangles_.begin() + static_cast<std::ptrdiff_t>(3 * to));
     regionOf[to] = region[t];
   }
-  const auto edges = regionEdges(vertexCount_, triangles_, regionOf, regions);
-  for (std::size_t r = 0; r < regions; ++r) {
-    const auto own = std::span<const Index>(triangles_).subspan(3 * first_[r], 3 * (first_[r + 1] - first_[r]));
-    refuse(edges[r], r, regions, own.empty(), rims);
-    centre_.push_back(centreOf(rest, own, edges[r].open));
-    for (const auto& e : edges[r].open) rim_.insert(rim_.end(), e.begin(), e.end());
-  }
-  std::sort(rim_.begin(), rim_.end());
-  rim_.erase(std::unique(rim_.begin(), rim_.end()), rim_.end());
-
   cornerStart_.assign(vertexCount_ + 1, 0);
   for (const Index v : triangles_) ++cornerStart_[v + 1];
   std::partial_sum(cornerStart_.begin(), cornerStart_.end(), cornerStart_.begin());
@@ -129,6 +119,17 @@ SurfaceVolume::SurfaceVolume(Points rest, std::vector<Index> triangles, std::vec
       ringRegion_[to] = regionOf[t];
       ringTriangle_[to] = static_cast<Index>(t);
     }
+  const auto edges = everyEdgeHasItsReverse() ? std::vector<RegionEdges>(regions)
+                                              : regionEdges(vertexCount_, triangles_, regionOf, regions);
+  for (std::size_t r = 0; r < regions; ++r) {
+    const auto own = std::span<const Index>(triangles_).subspan(3 * first_[r], 3 * (first_[r + 1] - first_[r]));
+    refuse(edges[r], r, regions, own.empty(), rims);
+    centre_.push_back(centreOf(rest, own, edges[r].open));
+    for (const auto& e : edges[r].open) rim_.insert(rim_.end(), e.begin(), e.end());
+  }
+  std::sort(rim_.begin(), rim_.end());
+  rim_.erase(std::unique(rim_.begin(), rim_.end()), rim_.end());
+
   // A vertex's corners come region by region, as the triangles do.
   vertexStart_.assign(regions + 1, 0);
   const auto eachRegionOfVertex = [&](auto&& call) {
@@ -143,6 +144,28 @@ SurfaceVolume::SurfaceVolume(Points rest, std::vector<Index> triangles, std::vec
   regionVertices_.resize(vertexStart_.back());
   std::vector<std::size_t> following(vertexStart_.begin(), vertexStart_.end() - 1);
   eachRegionOfVertex([&](std::size_t v, Index r) { regionVertices_[following[r]++] = static_cast<Index>(v); });
+}
+
+// The table of edges is three times the work: of use only where something is to be named.
+bool SurfaceVolume::everyEdgeHasItsReverse() const {
+  return deterministicReduce(
+      vertexCount_, kGrain, 1,
+      [&](std::size_t begin, std::size_t end) {
+        std::vector<std::array<Index, 2>> out, in;  // the other end and the region of edges that leave a vertex, and reach it
+        for (std::size_t v = begin; v < end; ++v) {
+          const auto corners = ring(v);
+          const auto regions = ringRegions(v);
+          out.clear(), in.clear();
+          for (std::size_t i = 0; i < corners.size(); ++i) {
+            if (corners[i][0] == v || corners[i][1] == v || corners[i][0] == corners[i][1]) return 0;  // no triangle: leave it to the table
+            out.push_back({corners[i][0], regions[i]}), in.push_back({corners[i][1], regions[i]});
+          }
+          std::sort(out.begin(), out.end()), std::sort(in.begin(), in.end());
+          if (out != in) return 0;
+        }
+        return 1;
+      },
+      std::bit_and<>()) != 0;
 }
 
 double SurfaceVolume::value(Points x, std::size_t region) const {

@@ -64,6 +64,7 @@ class SurfaceVolume {
   std::array<double, 4> alongLine(Points x, Points d, std::size_t region = 0) const;
 
  private:
+  bool everyEdgeHasItsReverse() const;
   template <class Term>
   void sumAround(std::span<const double> weight, std::span<Vec3> out, Term&& term) const;
 

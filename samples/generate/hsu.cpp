@@ -33,7 +33,7 @@ mesh::Mesh ellipsoid(const Vec3& centre, double radius, double half, int around)
 
 /// A rod along y with round ends.
 mesh::Mesh rod(const Vec3& foot, double radius, double height) {
-  constexpr int kRound = 6, kSide = 24;
+  constexpr int kRound = 6, kSide = 32;
   std::vector<Eigen::Vector2d> profile;
   for (int i = 0; i < kRound; ++i) {
     const double a = 0.5 * std::numbers::pi * (i + 0.5) / kRound;
@@ -119,6 +119,6 @@ mesh::Mesh prongRing() {
   return mesh::Mesh(std::move(points), std::move(corners), std::move(offsets));
 }
 
-mesh::Mesh stone() { return revolve({{0.03, 1.15}, {0.32, 1.5}, {0.2, 1.64}}, 12); }
+mesh::Mesh stone() { return revolve({{0.03, 1.15}, {0.3, 1.46}, {0.31, 1.5}, {0.3, 1.53}, {0.19, 1.64}}, 24); }
 
 }  // namespace fielddeform::samples

@@ -1,4 +1,5 @@
 #include <fielddeform/core/json_reader.h>
+#include <fielddeform/map/lattice_io.h>
 #include <gtest/gtest.h>
 
 #include "program.h"
@@ -21,6 +22,18 @@ TEST(Info, CountsWhatTheFileHolds) {
   EXPECT_EQ(root.require("attributes").size(), 1u);
   EXPECT_EQ((*root.require("attributes").array().begin()).require("name").string(), "color");
   EXPECT_EQ(scratch.files(), std::vector<std::string>{"bar.ply"});
+}
+
+TEST(Info, KnowsLatticesInBothFormats) {
+  const Scratch scratch;
+  map::Lattice lattice;
+  lattice.axis.fill(map::AxisBasis::bernstein(3));
+  for (const char* file : {"lattice.json", "lattice.obj"}) {
+    map::writeLattice(lattice, scratch / file);
+    const Result result = run(scratch.path(), {"info", file});
+    EXPECT_EQ(result.code, 0) << result.err;
+    EXPECT_NE(result.out.find("3 x 3 x 3 = 27"), std::string::npos) << result.out;
+  }
 }
 
 TEST(Info, PlainTextSaysWhyThereIsNoVolume) {

@@ -237,6 +237,50 @@ TEST(Sculpt, PressedAgainstABallTheBlockTakesItsShape) {
   RecordProperty("rounds", r.rounds);
 }
 
+TEST(Sculpt, AFaceBetweenItsCornersGivesWay) {
+  // Four cells a side, and a ball that dips into the middle of one of them: no vertex is inside.
+  const mesh::Mesh top = test::grid(4);
+  Lattice lattice = boxed(top.positions(), 8);
+  lattice.box.origin = Vec3(-0.1, -0.1, -0.6);
+  lattice.box.axes = Vec3(1.2, 1.2, 1).asDiagonal();
+  const mesh::Mesh tool = ball(Vec3(0.64, 0.36, 0.09), 0.13, 12, 8);
+  const PressTool press = PressTool::solid(tool);
+  for (const Vec3& p : top.positions()) ASSERT_EQ(press.contact(p).depth, 0);
+
+  const Sculpted alone = apply(lattice, top.positions(), {Press{press}});
+  EXPECT_EQ(alone.moves[0].rounds, 0);  // points alone see nothing
+
+  std::vector<std::array<Index, 3>> triangles;
+  for (std::size_t f = 0; f < top.faceCount(); ++f)
+    top.forEachTriangle(f, [&](Index a, Index b, Index c) { triangles.push_back({a, b, c}); });
+  SculptOptions options;
+  options.triangles = triangles;
+  const Sculpted s = apply(lattice, top.positions(), {Press{press}}, options);
+  EXPECT_GT(s.moves[0].deepestBefore, 0.02);
+  EXPECT_EQ(s.moves[0].penetrating, 0u);
+  EXPECT_EQ(s.moves[0].penetratingFaces, 0u) << s.moves[0].advice;
+  // Independently: a dense sampling of the flat faces.
+  const auto after = images(s.lattice, top.positions());
+  double deepest = 0;
+  for (const auto& [a, b, c] : triangles)
+    for (int i = 0; i <= 50; ++i)
+      for (int j = 0; i + j <= 50; ++j) {
+        const double u = i / 50.0, v = j / 50.0;
+        deepest = std::max(deepest, press.contact((1 - u - v) * after[a] + u * after[b] + v * after[c]).depth);
+      }
+  EXPECT_LE(deepest, 1e-4 * s.lattice.box.axes.colwise().norm().norm());
+}
+
+TEST(PressTool, ClearanceIsASignedDistance) {
+  const mesh::Mesh round = ball(Vec3(1, 2, 3), 0.5, 24, 12);
+  const PressTool tool = PressTool::solid(round);
+  EXPECT_NEAR(tool.clearance(Vec3(1, 2, 4), 10), 0.5, 1e-12);  // a pole
+  EXPECT_LT(tool.clearance(Vec3(1, 2, 3), 10), -0.45);
+  EXPECT_EQ(-tool.clearance(Vec3(1.1, 2, 3.2), 10), tool.contact(Vec3(1.1, 2, 3.2)).depth);
+  EXPECT_GT(tool.clearance(Vec3(9, 9, 9), 1), 1);
+  EXPECT_DOUBLE_EQ(PressTool::plane(Vec3(0, 0, 1), Vec3(0, 0, 2)).clearance(Vec3(5, 5, -1), 0), -2);
+}
+
 TEST(Sculpt, WhatCannotGiveWayStaysInsideAndIsReported) {
   const mesh::Mesh m = test::sphere(24, 12);
   const Lattice lattice = boxed(m.positions(), 4);

@@ -97,8 +97,8 @@ std::string volumeText(const scene::VolumeReport& v) {
 std::string moveText(const map::MoveReport& m) {
   const std::string nodes = m.refinements > 0 ? fmt::format(", refined to {} x {} x {} nodes", m.nodes[0], m.nodes[1], m.nodes[2]) : "";
   if (m.kind == "press")
-    return fmt::format("{} points inside by up to {:.3g}, then {} by up to {:.3g}, in {} rounds{}", m.vertices, m.deepestBefore,
-                       m.penetrating, m.deepestAfter, m.rounds, nodes);
+    return fmt::format("{} points inside by up to {:.3g}, then {}{} by up to {:.3g}, in {} rounds{}", m.vertices, m.deepestBefore, m.penetrating,
+                       m.penetratingFaces > 0 ? fmt::format(" and {} faces", m.penetratingFaces) : "", m.deepestAfter, m.rounds, nodes);
   return fmt::format("{} points: {} met, {} unmet by up to {:.3g}, {} outside{}", m.vertices, m.solve.met, m.solve.unmet,
                      m.solve.largestMiss, m.solve.outside, nodes);
 }

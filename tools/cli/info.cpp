@@ -185,11 +185,15 @@ std::string latticeText(const std::string& file, const map::Lattice& lattice, bo
   return out;
 }
 
-/// JSON is no mesh format.
-bool isJson(const std::string& file) {
+/// JSON is no mesh format, and an OBJ file that a lattice was written to says so in its first comment.
+bool isLattice(const std::string& file) {
   std::ifstream stream(file, std::ios::binary);
-  char c = 0;
-  return (stream >> c) && c == '{';
+  std::string start(256, '\0');
+  stream.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(stream.gcount()));
+  const std::size_t first = start.find_first_not_of(" \t\r\n");
+  if (first == std::string::npos) return false;
+  return start[first] == '{' || start.compare(first, 21, "# fielddeform lattice") == 0;
 }
 
 }  // namespace
@@ -201,14 +205,14 @@ void addInfo(CLI::App& app, Session& session) {
   };
   const auto options = optionsOf<Options>();
   auto* command = app.add_subcommand("info", "Say what a mesh or lattice file holds: counts, bounds, volume, attributes, defects");
-  command->add_option("FILE", options->file, "Mesh to read (PLY, OBJ, STL, OFF), or lattice (JSON)")->required()->type_name("");
+  command->add_option("FILE", options->file, "Mesh to read (PLY, OBJ, STL, OFF), or lattice (JSON, OBJ)")->required()->type_name("");
   command->add_flag("--json", options->json, "Print JSON, with every count");
   command->add_flag("--weld", options->weld, "STL: join the facets' equal corners first");
   addThreads(*command, session);
   command->footer("Example:\n  fielddeform info scan.ply");
   command->callback([&session, options] {
     session.run = [options](Terminal& terminal) {
-      if (isJson(options->file)) {
+      if (isLattice(options->file)) {
         std::string text = latticeText(options->file, map::readLattice(options->file), options->json);
         text.pop_back();
         terminal.print(text);

@@ -4,6 +4,7 @@
 #include <fielddeform/volume/detail/local_edit.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
@@ -85,6 +86,42 @@ Index rootOf(std::vector<Index>& parent, Index i) {
   return i;
 }
 
+// Faces joined by shared edges, as numbers from 0; kNoIndex for faces that do not count.
+struct Patches {
+  std::vector<Index> ofFace;
+  std::size_t count = 0;
+  bool closed = false;  ///< for certain
+};
+
+Patches patchesOf(const LocalEdit& e, const std::vector<std::uint8_t>& counts) {
+  const std::size_t faces = e.mesh.faceCount();
+  Patches out;
+  std::vector<Index>& parent = out.ofFace;
+  parent.assign(faces, kNoIndex);
+  for (std::size_t f = 0; f < faces; ++f)
+    for (const Index v : e.mesh.face(f))
+      if (counts[v]) parent[f] = static_cast<Index>(f);
+  if (std::find(parent.begin(), parent.end(), kNoIndex) == parent.end()) {
+    const auto& edges = e.components.edges;
+    return {e.components.ofFace, edges.size(), std::all_of(edges.begin(), edges.end(), [](const auto& c) { return c.open == 0; })};
+  }
+  for (std::size_t k = 0; k < e.edges.size(); ++k) {
+    Index first = kNoIndex;
+    for (const Index corner : e.edges.uses(k)) {
+      const Index f = e.edges.faceOf(corner);
+      if (parent[f] == kNoIndex) continue;
+      if (first == kNoIndex) first = rootOf(parent, f);
+      const Index root = rootOf(parent, f), low = std::min(first, root);
+      parent[root] = parent[first] = low;
+      first = low;
+    }
+  }
+  // A root is its patch's smallest face, and no face's parent is larger than itself.
+  for (std::size_t f = 0; f < faces; ++f)
+    if (parent[f] != kNoIndex) parent[f] = parent[f] == f ? static_cast<Index>(out.count++) : parent[parent[f]];
+  return out;
+}
+
 std::string plural(std::size_t n, const char* one, const char* many) { return fmt::format("{} {}", n, n == 1 ? one : many); }
 
 }  // namespace
@@ -95,7 +132,8 @@ LocalEdit::LocalEdit(const LocalInput& input)
       rest(scaled(input.rest.positions(), exponent)),
       posed(scaled(input.posed, exponent)),
       size(mesh::objectSize(rest)),
-      edges(input.rest),
+      ownEdges(input.edges ? std::nullopt : std::optional<mesh::EdgeTable>(input.rest)),
+      edges(input.edges ? *input.edges : *ownEdges),
       components(mesh::components(edges, input.rest.faceCount())),
       still(rest.size(), 0),
       rim(rest.size(), 0) {
@@ -107,50 +145,36 @@ LocalEdit::LocalEdit(const LocalInput& input)
 }
 
 double partLength(const LocalEdit& e, const std::vector<std::uint8_t>& counts) {
-  const std::size_t faces = e.mesh.faceCount();
-  std::vector<Index> parent(faces, kNoIndex);
-  for (std::size_t f = 0; f < faces; ++f)
-    for (const Index v : e.mesh.face(f))
-      if (counts[v]) parent[f] = static_cast<Index>(f);
-  std::vector<Vec3> rimSum(faces, Vec3::Zero());
-  std::vector<double> rimCount(faces, 0);
-  const auto eachUse = [&](std::size_t k, auto&& call) {
-    for (const Index corner : e.edges.uses(k))
-      if (const Index f = e.edges.faceOf(corner); parent[f] != kNoIndex) call(f);
-  };
-  for (std::size_t k = 0; k < e.edges.size(); ++k) {
-    Index first = kNoIndex;
-    eachUse(k, [&](Index f) {
-      if (first == kNoIndex) first = rootOf(parent, f);
-      const Index root = rootOf(parent, f), low = std::min(first, root);
-      parent[root] = parent[first] = low;
-      first = low;
-    });
-  }
-  for (std::size_t k = 0; k < e.edges.size(); ++k) {
+  const Patches patches = patchesOf(e, counts);
+  std::vector<Vec3> centre(patches.count, Vec3::Zero());
+  std::vector<double> rim(patches.count, 0);
+  for (std::size_t k = 0; !patches.closed && k < e.edges.size(); ++k) {
+    const auto eachUse = [&](auto&& call) {
+      for (const Index corner : e.edges.uses(k))
+        if (const Index p = patches.ofFace[e.edges.faceOf(corner)]; p != kNoIndex) call(p);
+    };
     std::size_t uses = 0;
-    eachUse(k, [&](Index) { ++uses; });
+    eachUse([&](Index) { ++uses; });
     if (uses % 2 == 0) continue;
     const auto [a, b] = e.edges.vertices(k);
     const Vec3 middle = 0.5 * (e.rest[a] + e.rest[b]);
-    if (!middle.allFinite()) continue;
-    eachUse(k, [&](Index f) {
-      const Index root = rootOf(parent, f);
-      rimSum[root] += middle;
-      rimCount[root] += 1;
-    });
+    if (middle.allFinite()) eachUse([&](Index p) { centre[p] += middle, rim[p] += 1; });
   }
-  std::vector<double> volume(faces, 0);
+  for (std::size_t p = 0; p < patches.count; ++p)
+    if (rim[p] > 0) centre[p] /= rim[p];
+  std::vector<double> volume(patches.count, 0);
+  std::vector<std::uint8_t> known(patches.count, 0);
   double area = 0;
-  for (std::size_t f = 0; f < faces; ++f) {
-    if (parent[f] == kNoIndex) continue;
-    const Index root = rootOf(parent, static_cast<Index>(f));
-    const Vec3 centre = rimCount[root] > 0 ? Vec3(rimSum[root] / rimCount[root]) : e.rest[e.mesh.face(root)[0]];
+  for (std::size_t f = 0; f < patches.ofFace.size(); ++f) {
+    const Index p = patches.ofFace[f];
+    if (p == kNoIndex) continue;
+    if (!known[p] && rim[p] == 0) centre[p] = e.rest[e.mesh.face(f)[0]];
+    known[p] = 1;
     e.mesh.forEachTriangle(f, [&](Index i, Index j, Index k) {
-      const Vec3 a = e.rest[i] - centre, b = e.rest[j] - centre, c = e.rest[k] - centre;
+      const Vec3 a = e.rest[i] - centre[p], b = e.rest[j] - centre[p], c = e.rest[k] - centre[p];
       const double v = sixthVolume(a, b, c), s = 0.5 * (b - a).cross(c - a).norm();
       if (!std::isfinite(v) || !std::isfinite(s)) return;
-      volume[root] += v;
+      volume[p] += v;
       area += s;
     });
   }

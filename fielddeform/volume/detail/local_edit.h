@@ -4,6 +4,7 @@
 #include <fielddeform/volume/local.h>
 
 #include <cstdint>
+#include <optional>
 
 namespace fielddeform::volume::detail {
 
@@ -11,12 +12,15 @@ namespace fielddeform::volume::detail {
 /// that, and no sum depends on the model's units.
 struct LocalEdit {
   explicit LocalEdit(const LocalInput& input);
+  LocalEdit(const LocalEdit&) = delete;
+  LocalEdit& operator=(const LocalEdit&) = delete;
 
   const mesh::Mesh& mesh;
   int exponent = 0;             ///< world = scaled * 2^exponent
   std::vector<Vec3> rest, posed;  ///< #V, scaled
   double size = 0;              ///< of the rest, scaled
-  mesh::EdgeTable edges;
+  std::optional<mesh::EdgeTable> ownEdges;  ///< if the caller has none
+  const mesh::EdgeTable& edges;
   mesh::Components components;
   std::vector<std::uint8_t> still;     ///< #V: the edit left it alone
   std::vector<std::uint8_t> touched;   ///< #components: some vertex is not where it was

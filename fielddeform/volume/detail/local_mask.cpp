@@ -94,7 +94,7 @@ std::vector<std::uint8_t> above0(const std::vector<double>& mask) {
   return out;
 }
 
-std::vector<double> autoMask(const LocalEdit& e, const LocalInput& input, bool& fromFalloff) {
+std::vector<double> autoMask(const LocalEdit& e, const LocalInput& input, const std::vector<Index>& componentOf, bool& fromFalloff) {
   std::vector<double> mask;
   fromFalloff = falloffServes(e, input.weight);
   if (fromFalloff) {
@@ -106,7 +106,6 @@ std::vector<double> autoMask(const LocalEdit& e, const LocalInput& input, bool& 
     for (std::size_t v = 0; v < counts.size(); ++v) counts[v] = !e.still[v];
     mask = distanceMask(e, 2 * partLength(e, counts));
   }
-  const std::vector<Index> componentOf = vertexComponents(e);
   for (std::size_t v = 0; v < mask.size(); ++v)
     if (e.still[v] || (componentOf[v] != kNoIndex && !e.touched[componentOf[v]])) mask[v] = 0;
   leaveSlowParts(e, componentOf, mask);
@@ -161,12 +160,12 @@ std::vector<std::uint8_t> heldComponents(const LocalEdit& e, const LocalInput& i
 LocalMask makeMask(const LocalEdit& e, const LocalInput& input, MaskKind kind, const std::vector<std::uint8_t>& held) {
   LocalMask mask;
   const std::size_t n = e.vertexCount();
+  const std::vector<Index> componentOf = vertexComponents(e);
   if (kind == MaskKind::None) mask.value.assign(n, 1);
   else if (kind == MaskKind::Given) mask.value.assign(input.mask.begin(), input.mask.end());
-  else mask.value = autoMask(e, input, mask.fromFalloff);
+  else mask.value = autoMask(e, input, componentOf, mask.fromFalloff);
   if (kind == MaskKind::Rest)
     for (double& m : mask.value) m = 1 - smoothstep(m / kRestEnd);
-  const std::vector<Index> componentOf = vertexComponents(e);
   for (std::size_t v = 0; v < n; ++v)
     if (!e.posed[v].allFinite() || componentOf[v] == kNoIndex || !held[componentOf[v]]) mask.value[v] = 0;
   requireSomething(e, mask, kind, held);

@@ -59,6 +59,35 @@ void setShares(LocalPart& part, const std::vector<double>& q, const std::vector<
     part.share[i] = (1 - kappa) + kappa * (kLeastShare + (1 - kLeastShare) * std::min(kLargestRatio, r[i] / mean));
 }
 
+// The part's vertices, ascending, and its triangles by their numbers among them. A part that is most of the mesh is marked, not
+// sorted: there may be as many small ones as components.
+void numberVertices(LocalPart& part, std::vector<Index>& local) {
+  if (part.triangles.size() > local.size()) {
+    std::vector<std::uint8_t> used(local.size(), 0);
+    for (const Index v : part.triangles) used[v] = 1;
+    part.vertex.reserve(static_cast<std::size_t>(std::count(used.begin(), used.end(), 1)));
+    for (Index v = 0; v < used.size(); ++v)
+      if (used[v]) part.vertex.push_back(v);
+  } else {
+    part.vertex = part.triangles;
+    std::sort(part.vertex.begin(), part.vertex.end());
+    part.vertex.erase(std::unique(part.vertex.begin(), part.vertex.end()), part.vertex.end());
+  }
+  for (Index i = 0; i < part.size(); ++i) local[part.vertex[i]] = i;
+  for (Index& v : part.triangles) v = local[v];
+}
+
+// How many triangles of every held component have a vertex that may move.
+void reserveTriangles(const LocalEdit& e, const LocalMask& mask, const std::vector<Index>& slot, LocalParts& out) {
+  std::vector<std::size_t> count(out.part.size(), 0);
+  for (std::size_t f = 0; f < e.mesh.faceCount(); ++f) {
+    const Index c = e.components.ofFace[f];
+    if (c == kNoIndex || slot[c] == kNoIndex) continue;
+    e.mesh.forEachTriangle(f, [&](Index i, Index j, Index k) { count[slot[c]] += mask.value[i] > 0 || mask.value[j] > 0 || mask.value[k] > 0; });
+  }
+  for (std::size_t s = 0; s < count.size(); ++s) out.part[s].triangles.reserve(3 * count[s]);
+}
+
 }  // namespace
 
 LocalParts makeParts(const LocalEdit& e, const LocalMask& mask, const std::vector<ComponentVolumes::Value>& volumes) {
@@ -67,6 +96,7 @@ LocalParts makeParts(const LocalEdit& e, const LocalMask& mask, const std::vecto
   out.part.resize(volumes.size());
   std::vector<Index> slot(e.components.count(), kNoIndex);
   for (Index s = 0; s < volumes.size(); ++s) slot[volumes[s].component] = s;
+  reserveTriangles(e, mask, slot, out);
   std::vector<double> rest(n, 0), posed(n, 0);
   for (std::size_t f = 0; f < e.mesh.faceCount(); ++f) {
     const Index c = e.components.ofFace[f];
@@ -75,8 +105,7 @@ LocalParts makeParts(const LocalEdit& e, const LocalMask& mask, const std::vecto
       const double a = triangleArea(e.rest[i], e.rest[j], e.rest[k]) / 3, b = triangleArea(e.posed[i], e.posed[j], e.posed[k]) / 3;
       for (const Index v : {i, j, k}) rest[v] += a, posed[v] += b;
       if (mask.value[i] == 0 && mask.value[j] == 0 && mask.value[k] == 0) return;
-      auto& t = out.part[slot[c]].triangles;
-      t.insert(t.end(), {i, j, k});
+      for (const Index v : {i, j, k}) out.part[slot[c]].triangles.push_back(v);
     });
   }
   for (std::size_t v = 0; v < n; ++v)
@@ -87,11 +116,8 @@ LocalParts makeParts(const LocalEdit& e, const LocalMask& mask, const std::vecto
   std::vector<Index> local(n, kNoIndex);
   for (std::size_t s = 0; s < out.part.size(); ++s) {
     LocalPart& part = out.part[s];
-    part.vertex = part.triangles;
-    std::sort(part.vertex.begin(), part.vertex.end());
-    part.vertex.erase(std::unique(part.vertex.begin(), part.vertex.end()), part.vertex.end());
-    for (Index i = 0; i < part.size(); ++i) local[part.vertex[i]] = i;
-    for (Index& v : part.triangles) v = local[v];
+    numberVertices(part, local);
+    part.base.reserve(part.size()), part.mask.reserve(part.size()), part.area.reserve(part.size());
     for (const Index v : part.vertex) {
       part.base.push_back(e.posed[v]);
       part.mask.push_back(mask.value[v]);

@@ -42,6 +42,13 @@ Vec3 rigid(int j, const Vec3& fromCentre) {
   return j < 3 ? Vec3(Vec3::Unit(j)) : Vec3(Vec3(Vec3::Unit(j - 3)).cross(fromCentre));
 }
 
+/// v x
+Mat3 skew(const Vec3& v) {
+  Mat3 m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
 }  // namespace
 
 std::optional<double> rootNearest0(const std::array<double, 4>& c) {
@@ -77,20 +84,33 @@ std::optional<double> rootNearest0(const std::array<double, 4>& c) {
 Gauge::Gauge(const LocalParts& parts, const LocalLattice& lattice) {
   for (const LocalPart& part : parts.part)
     for (std::size_t i = 0; i < part.size(); ++i) centre_ += part.area[i] * part.base[i];
-  Eigen::Matrix<double, 6, 6> square = Eigen::Matrix<double, 6, 6>::Zero();
-  for (int j = 0; j < 6; ++j) weighted_[j].assign(lattice.active.size(), Vec3::Zero());
-  std::vector<Vec3> values, gathered(lattice.active.size());
+  // Everything follows from the sums of a, a x and a x x^T: B^T a (e x x) = e x B^T a x.
+  const std::size_t n = lattice.active.size();
+  double area = 0;
+  Vec3 first = Vec3::Zero();
+  Mat3 second = Mat3::Zero();
+  for (int j = 0; j < 6; ++j) weighted_[j].assign(n, Vec3::Zero());
+  std::vector<Vec3> values, gathered(n);
   for (const LocalPart& part : parts.part) {
     values.resize(part.size());
-    for (int j = 0; j < 6; ++j) {
-      for (std::size_t i = 0; i < part.size(); ++i) {
-        values[i] = part.area[i] * rigid(j, part.base[i] - centre_);
-        for (int k = 0; k < 6; ++k) square(j, k) += values[i].dot(rigid(k, part.base[i] - centre_));
-      }
-      lattice.map->gather(*part.binding, values, gathered);
-      for (std::size_t n = 0; n < gathered.size(); ++n) weighted_[j][n] += gathered[n];
+    for (std::size_t i = 0; i < part.size(); ++i) values[i] = Vec3(part.area[i], 0, 0);
+    lattice.map->gather(*part.binding, values, gathered);
+    for (std::size_t i = 0; i < n; ++i)
+      for (int j = 0; j < 3; ++j) weighted_[j][i][j] += gathered[i].x();
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      const Vec3 x = part.base[i] - centre_;
+      values[i] = part.area[i] * x;
+      area += part.area[i];
+      first += values[i];
+      second += values[i] * x.transpose();
     }
+    lattice.map->gather(*part.binding, values, gathered);
+    for (std::size_t i = 0; i < n; ++i)
+      for (int j = 3; j < 6; ++j) weighted_[j][i] += rigid(j, gathered[i]);
   }
+  Eigen::Matrix<double, 6, 6> square;
+  const Mat3 cross = skew(first);
+  square << area * Mat3::Identity(), -cross, cross, second.trace() * Mat3::Identity() - second;
   for (int j = 0; j < 6; ++j)
     for (const Vec3& node : lattice.map->restNodes()) nodes_[j].push_back(rigid(j, node - centre_));
   // A straight or single-point part leaves motions undetermined: those are left alone.
