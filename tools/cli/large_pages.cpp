@@ -16,6 +16,7 @@
 namespace {
 
 constexpr std::size_t kLargePage = std::size_t{2} << 20;
+constexpr std::size_t kAlwaysKept = 8 * kLargePage;
 
 struct Range {
   char* begin = nullptr;
@@ -109,7 +110,7 @@ class LargeArrays {
 
   char* map(std::size_t size) {
     // Room for it below what was in use at most.
-    const std::size_t allowed = most_ > inUse_ + size ? most_ - inUse_ - size : 0;
+    const std::size_t allowed = std::max(kAlwaysKept, most_ > inUse_ + size ? most_ - inUse_ - size : 0);
     while (keptSize_ > allowed) {
       Range& last = *(kept_.end() - 1);
       const std::size_t cut = std::min(last.size, keptSize_ - allowed);
@@ -138,7 +139,7 @@ class LargeArrays {
 constinit LargeArrays large;
 
 void* allocate(std::size_t bytes) noexcept {
-  if (bytes >= kLargePage / 2)
+  if (bytes >= 2 * kLargePage)
     if (void* memory = large.take(bytes)) return memory;
   return std::malloc(bytes > 0 ? bytes : 1);
 }
