@@ -6,14 +6,15 @@
 #include <cmath>
 #include <stdexcept>
 
-// Which elements can be the nearest to a query p = c + e of a block with centre c and |e| <= rho? Let q_T be the foot of c
-// on element T, S the element nearest to c. T is convex, so |c - q|^2 >= |c - q_T|^2 + |q - q_T|^2 for every q of it, and
+// Which elements can be the nearest to a query p = c + e of a block, a box of centre c and half sides h? Let q_T be the foot
+// of c on element T, and S any one of them. T is convex, so |c - q|^2 >= |c - q_T|^2 + |q - q_T|^2 for every q of it, and
 //   d_T(p)^2 >= d_T(c)^2 + 2 e . (c - q_T)                 (minimise over q - q_T)
 //   d_S(p)^2 <= d_S(c)^2 + 2 e . (c - q_S) + |e|^2         (the foot stays)
 // T is out of the question if the first exceeds the second for every e:
-//   d_T(c)^2 - d_S(c)^2 > rho^2 + 2 rho |q_T - q_S|
-// This does not depend on how far the block is away, as the triangle inequality (d_T > d_S + 2 rho) does: over a flat
-// patch it leaves what lies within 2.4 rho of the foot. The first line also tells, query by query, what need not be tried.
+//   d_T(c)^2 - d_S(c)^2 > |h|^2 + 2 sum_k h_k |q_T - q_S|_k
+// This does not depend on how far the block is away, as the triangle inequality (d_T > d_S + 2 |h|) does: over a flat
+// patch it leaves what lies within 2.4 |h| of the foot. The first line also tells, query by query, what need not be tried.
+// For a box of elements, |c - q|^2 >= its squared distance and |q - q_S|_k <= the farther of its two sides.
 namespace fielddeform::spatial {
 namespace {
 
@@ -35,21 +36,19 @@ class ClosestTree::Impl::Block {
   // False: not finite, or too large.
   bool take(Points queries) {
     count_ = queries.size();
-    Vec3 low = queries[0], high = low;
+    Vec3 low = queries[0] * tree_.scale, high = low;
     for (std::size_t i = 0; i < count_; ++i) {
       const Vec3 q = queries[i] * tree_.scale;
       lanes_.x[i] = q[0];
       lanes_.y[i] = q[1];
       lanes_.z[i] = q[2];
-      if (i == 0) low = high = q;
+      if (!(q.cwiseAbs().maxCoeff() < kWithin)) return false;
       low = low.cwiseMin(q);
       high = high.cwiseMax(q);
-      if (!(q.cwiseAbs().maxCoeff() < kWithin)) return false;
     }
     lanes_.centre = 0.5 * (low + high);
-    double farthest = 0;
-    for (std::size_t i = 0; i < count_; ++i) farthest = std::max(farthest, detail::square(query(i) - lanes_.centre));
-    rho_ = std::sqrt(farthest) * (1 + kRounding);
+    half_ = (0.5 + kRounding) * (high - low);
+    size2_ = detail::square(half_);
     for (std::size_t i = count_; i % 8 != 0; ++i) {
       lanes_.x[i] = lanes_.x[count_ - 1];
       lanes_.y[i] = lanes_.y[count_ - 1];
@@ -60,14 +59,14 @@ class ClosestTree::Impl::Block {
 
   // False: too many elements. No candidates: none is within the bound of any query.
   bool list(double bound, Index hint) {
-    Best nearest;
-    nearest.limit = limitOf((bound + rho_) * (1 + kRounding));
-    tree_.search<N>(lanes_.centre, hint, nearest);
+    const double reach = limitOf((bound + std::sqrt(size2_)) * (1 + kRounding));
     candidates_ = 0;
-    if (nearest.element == kNoIndex) return true;
-    nearest_ = nearest.hit;
-    listed_ = nearest.element;
-    return collect();
+    nearest_.squaredDistance = most_ = std::numeric_limits<double>::infinity();
+    const std::uint32_t first = hint < tree_.count ? tree_.slot[hint] : kNoIndex;
+    if (first != kNoIndex && !add(first)) return false;
+    if (!collect(reach, first) || !thin()) return false;
+    if (!(nearest_.squaredDistance <= reach)) candidates_ = 0;
+    return true;
   }
 
   void answer(Points queries, std::span<ClosestPoint> out, double maxDistance) {
@@ -75,8 +74,12 @@ class ClosestTree::Impl::Block {
       std::fill(out.begin(), out.end(), ClosestPoint{});
       return;
     }
-    std::sort(candidate_.begin(), candidate_.begin() + static_cast<std::ptrdiff_t>(candidates_),
-              [](const Candidate& a, const Candidate& b) { return a.least < b.least; });
+    const auto end = candidate_.begin() + static_cast<std::ptrdiff_t>(candidates_);
+    std::sort(candidate_.begin(), end, [](const Candidate& a, const Candidate& b) { return a.square < b.square; });
+    for (auto c = candidate_.begin(); c != end; ++c) {
+      c->least = c->square - slackOf(c->square);
+      c->offset *= 2;
+    }
     if constexpr (N == 3) byLanes(queries, out, maxDistance);
     else oneByOne(queries, out, maxDistance);
   }
@@ -87,52 +90,88 @@ class ClosestTree::Impl::Block {
  private:
   struct Candidate {
     std::uint32_t slot;
-    double least;  // squared; less rounding
-    Vec3 offset;   // twice c - q_T
+    double square;     // d_T(c)^2
+    Vec3 offset;       // c - q_T, then twice that
+    double least = 0;  // the square less rounding
   };
 
   Vec3 query(std::size_t i) const { return {lanes_.x[i], lanes_.y[i], lanes_.z[i]}; }
 
-  bool collect() {
-    const double here = nearest_.squaredDistance, margin = rho_ * rho_;
-    const Vec3& c = lanes_.centre;
-    const Vec3 foot = c - nearest_.offset;
-    const double d = std::sqrt(here) + tree_.extent + 2 * rho_;
-    const double most = here + margin + kRounding * (d * d);
-    detail::BoxTree::Child stack[detail::BoxTree::kMaxDepth];
+  // 2 e . (q - q_S) at most, for offsets or corners apart by this much on each axis.
+  double most(const Vec3& apart) const { return 2 * detail::dot(half_, apart); }
+
+  // Nearer boxes first: S is soon the nearest.
+  bool collect(double reach, std::uint32_t skip) {
+    struct Entry {
+      detail::BoxTree::Child child;
+      double square;
+      const detail::BoxTree::Node* node;
+      int side;
+    };
+    Entry stack[detail::BoxTree::kMaxDepth];
     int top = 0;
-    stack[top++] = tree_.tree.root;
+    stack[top++] = {tree_.tree.root, 0, nullptr, 0};
+    const Vec3& c = lanes_.centre;
     while (top > 0) {
-      const detail::BoxTree::Child at = stack[--top];
-      if (at.count > 0) {
-        for (std::uint32_t s = at.begin; s < at.begin + at.count; ++s)
-          if (!add(s, most)) return false;
+      const Entry at = stack[--top];
+      if (at.square > reach || (at.node && !within(at.square, *at.node, at.side))) continue;
+      if (at.child.count > 0) {
+        for (std::uint32_t s = at.child.begin; s < at.child.begin + at.child.count; ++s)
+          if (s != skip && !add(s)) return false;
         continue;
       }
-      const detail::BoxTree::Node& node = tree_.tree.nodes[at.begin];
-      for (int side = 0; side < 2; ++side) {
-        double near2 = 0, far2 = 0;
-        for (int k = 0; k < 3; ++k) {
-          const double low = node.low[k][side], high = node.high[k][side];
-          const double away = std::max(std::max(low - c[k], c[k] - high), 0.0);
-          const double across = std::max(high - foot[k], foot[k] - low);
-          near2 += away * away;
-          far2 += across * across;
+      const detail::BoxTree::Node& node = tree_.tree.nodes[at.child.begin];
+      double square[2] = {0, 0};
+      for (int k = 0; k < 3; ++k)
+        for (int side = 0; side < 2; ++side) {
+          const double below = node.low[k][side] - c[k], above = c[k] - node.high[k][side];
+          double d = below > above ? below : above;
+          d = d > 0 ? d : 0;
+          square[side] += d * d;
         }
-        if (near2 - most <= (2 + kRounding) * rho_ * std::sqrt(far2)) stack[top++] = node.child[side];
-      }
+      const int nearer = square[1] < square[0] ? 1 : 0, farther = 1 - nearer;
+      stack[top++] = {node.child[farther], square[farther], &node, farther};
+      stack[top++] = {node.child[nearer], square[nearer], &node, nearer};
     }
     return true;
   }
 
-  bool add(std::uint32_t slot, double most) {
-    const SimplexHit hit = tree_.testOne<N>(lanes_.centre, slot);
-    const double apart = std::sqrt(detail::square(hit.offset - nearest_.offset));
-    const double d = std::sqrt(hit.squaredDistance) + tree_.extent + 2 * rho_, slack = kRounding * (d * d);
-    if (hit.squaredDistance - most > 2 * rho_ * apart + slack) return true;
-    if (candidates_ == kMostTests) return false;
-    candidate_[candidates_++] = {slot, hit.squaredDistance - slack, 2 * hit.offset};
+  bool within(double square, const detail::BoxTree::Node& node, int side) const {
+    if (square <= most_) return true;
+    Vec3 apart;
+    for (int k = 0; k < 3; ++k) apart[k] = std::max(node.high[k][side] - foot_[k], foot_[k] - node.low[k][side]);
+    return square - most_ <= most(apart);
+  }
+
+  bool add(std::uint32_t place) {
+    const SimplexHit hit = tree_.testOne<N>(lanes_.centre, place);
+    if (hit.squaredDistance < nearest_.squaredDistance) {
+      nearest_ = hit;
+      listed_ = tree_.tree.order[place];
+      foot_ = lanes_.centre - hit.offset;
+      most_ = hit.squaredDistance + size2_ + slackOf(hit.squaredDistance);
+    }
+    if (isOut(hit.squaredDistance, hit.offset)) return true;
+    if (candidates_ == candidate_.size() && (!thin() || candidates_ > kMostTests)) return false;
+    candidate_[candidates_++] = {place, hit.squaredDistance, hit.offset, 0};
     return true;
+  }
+
+  double slackOf(double square) const {
+    const double d = std::sqrt(square) + tree_.extent + 2 * std::sqrt(size2_);
+    return kRounding * (d * d);
+  }
+  bool isOut(double square, const Vec3& offset) const {
+    return square - most_ > most((offset - nearest_.offset).cwiseAbs()) + kRounding * square;
+  }
+
+  // Drops what the S of the end leaves out. False: too many are left.
+  bool thin() {
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < candidates_; ++i)
+      if (!isOut(candidate_[i].square, candidate_[i].offset)) candidate_[kept++] = candidate_[i];
+    candidates_ = kept;
+    return kept <= kMostTests;
   }
 
   void byLanes(Points queries, std::span<ClosestPoint> out, double maxDistance) {
@@ -177,10 +216,11 @@ class ClosestTree::Impl::Block {
   const Impl& tree_;
   detail::LaneQueries lanes_;
   std::size_t count_ = 0, candidates_ = 0;
-  double rho_ = 0;
-  SimplexHit nearest_{};
+  Vec3 half_, foot_;
+  double size2_ = 0, most_ = 0;  // |h|^2; d_S(c)^2 + |h|^2 and rounding
+  SimplexHit nearest_{};         // S
   Index listed_ = kNoIndex;
-  std::array<Candidate, kMostTests> candidate_;
+  std::array<Candidate, 2 * kMostTests> candidate_;
 };
 
 template <int N>
