@@ -43,7 +43,7 @@ Edit bent(const char* name, std::vector<skeleton::Primitive> primitives) {
 std::vector<Edit> edits() {
   std::vector<Edit> all;
   all.push_back(bent("coarse", {shell("shell", 8, 7, 0.5)}));
-  all.push_back(bent("fine", {shell("shell", 24, 30, 0.5)}));
+  all.push_back(bent("fine", {shell("shell", 40, 60, 0.5)}));
   auto solid = shell("solid", 12, 15, 0.5), radii = shell("radii", 12, 15, 0.5);
   solid.closed = true;
   for (std::size_t i = 0; i < radii.points.size(); ++i) radii.pointRadius.push_back(0.35 + 0.2 * uniform01(5, i));
@@ -169,7 +169,7 @@ TEST(BlockTracker, MapsWithBlocksLeaveFixedAndInvalidPointsAsTheyWere) {
 // With a grid the corrections of a mesh's field go by blocks too.
 TEST(BlockTracker, ResidualsAreKeptWhereAGridPredicts) {
   const mesh::Mesh mesh = makeCapsule({.around = 60, .along = 60});
-  const Edit e = edits()[0];
+  const Edit e = edits()[1];
   const GffdMap map(resolve({.predictor = Predictor::Mls, .evaluation = Evaluation::Grid, .falloff = Falloff::Off}, mesh,
                             skeleton::pairSkeletons(e.rest, e.posed)));
   ASSERT_TRUE(map.usesGrid());
