@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -20,6 +21,7 @@ constexpr double kMaxWeight = 1e40;  // times e^600 and the number of primitives
 // mean slope is divided by.
 constexpr double kSlopeFloor = 0.05;
 constexpr double kSlack = 1e-12;  // a bound in world units, rounded
+constexpr std::size_t kTogether = 64;  // points whose sums are held at once
 
 }  // namespace
 
@@ -38,6 +40,8 @@ struct Field::Impl {
     std::unique_ptr<detail::DistanceSource> source = {};  // null: exact
     DistanceReport report = {};
 
+    // Nothing farther counts.
+    double reach() const { return distance.greatestRadius() * (1 + kSlack); }
     std::optional<detail::Relative> at(const Vec3& point, double maxDistance) const {
       if (source)
         if (const auto found = source->at(point)) return found;
@@ -45,6 +49,16 @@ struct Field::Impl {
       if (!hit) return std::nullopt;
       return detail::exactRelative(distance, *hit);
     }
+  };
+
+  // The sum over the primitives that reach a point.
+  struct Blend {
+    double sum = 0;
+    Vec3 slope = Vec3::Zero();         // sum of w E'(x) grad(d / r)
+    Vec3 onlyGradient = Vec3::Zero();  // of the last
+    double only = 0;
+    int active = 0;
+    bool plain = false;
   };
 
   FieldOptions options;
@@ -55,7 +69,10 @@ struct Field::Impl {
   Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o);
   void makeSources(const skeleton::Skeleton& skeleton);
   FieldValue evaluate(const Vec3& point) const;
-  bool blend(const Vec3& point, FieldValue& value) const;
+  void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const;
+  void add(const Term& t, const detail::Relative& near, Blend& blend) const;
+  bool finish(const Blend& blend, FieldValue& value) const;
+  void beyond(const Vec3& point, FieldValue& value) const;
   void extend(const Vec3& point, FieldValue& value) const;
 };
 
@@ -88,34 +105,29 @@ void Field::Impl::makeSources(const skeleton::Skeleton& skeleton) {
   }
 }
 
-// The sum over the primitives that reach the point; false if none does.
-bool Field::Impl::blend(const Vec3& point, FieldValue& value) const {
+// One primitive more.
+void Field::Impl::add(const Term& t, const detail::Relative& near, Blend& blend) const {
+  const double f = near.value, x = options.sharpness * f;
+  const double e = t.weight * t.kernel.value(x);
+  if (!(e > 0)) return;
+  blend.sum += e;
+  const Vec3& g = near.gradient;
+  blend.slope += t.weight * t.kernel.derivative(x) * g;
+  blend.plain = t.plain;
+  blend.only = f;
+  blend.onlyGradient = g;
+  ++blend.active;
+}
+
+// The value where primitives reach; false where none does.
+bool Field::Impl::finish(const Blend& blend, FieldValue& value) const {
+  if (blend.active == 0) return false;
   const double k = options.sharpness;
-  Vec3 slope = Vec3::Zero();       // sum of w E'(x) grad(d / r)
-  Vec3 onlyGradient = Vec3::Zero();
-  double only = 0;
-  int active = 0;
-  bool plain = false;
-  for (const Term& t : terms) {
-    if (!(t.weight > 0)) continue;
-    const auto near = t.at(point, t.distance.greatestRadius() * (1 + kSlack));
-    if (!near) continue;
-    const double f = near->value, x = k * f;
-    const double e = t.weight * t.kernel.value(x);
-    if (!(e > 0)) continue;
-    value.sum += e;
-    const Vec3& g = near->gradient;
-    slope += t.weight * t.kernel.derivative(x) * g;
-    plain = t.plain;
-    only = f;
-    onlyGradient = g;
-    ++active;
-  }
-  if (active == 0) return false;
+  value.sum = blend.sum;
   value.inside = true;
-  if (active == 1 && plain) {
-    value.pseudoDistance = reference * only;
-    value.gradient = reference * onlyGradient;
+  if (blend.active == 1 && blend.plain) {
+    value.pseudoDistance = reference * blend.only;
+    value.gradient = reference * blend.onlyGradient;
     return true;
   }
   const double x = own.inverse(value.sum);
@@ -123,7 +135,7 @@ bool Field::Impl::blend(const Vec3& point, FieldValue& value) const {
   double steepness = -own.slopeAt(value.sum);
   if (2 * x < k) steepness = std::max(steepness, kSlopeFloor * own.atZero() / k);
   // Where the slope vanishes at the radius (sum rounded to almost nothing) there is no direction to be had.
-  if (steepness > 0) value.gradient = (-reference / steepness) * slope;
+  if (steepness > 0) value.gradient = (-reference / steepness) * blend.slope;
   return true;
 }
 
@@ -142,12 +154,44 @@ void Field::Impl::extend(const Vec3& point, FieldValue& value) const {
 FieldValue Field::Impl::evaluate(const Vec3& point) const {
   FieldValue value;
   value.pseudoDistance = kInfinity;
-  if (!point.allFinite() || blend(point, value)) return value;
+  if (!point.allFinite()) return value;
+  Blend blend;
+  for (const Term& t : terms) {
+    if (!(t.weight > 0)) continue;
+    if (const auto near = t.at(point, t.reach())) add(t, *near, blend);
+  }
+  if (!finish(blend, value)) beyond(point, value);
+  return value;
+}
+
+void Field::Impl::beyond(const Vec3& point, FieldValue& value) const {
   if (options.extension == Extension::Linear)
     extend(point, value);
   else
     value.pseudoDistance = reference;
-  return value;
+}
+
+void Field::Impl::evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const {
+  const std::size_t n = points.size();
+  std::array<Blend, kTogether> blends;
+  std::array<PrimitiveHit, kTogether> hits;
+  for (std::size_t k = 0; k < terms.size(); ++k) {
+    const Term& t = terms[k];
+    if (!(t.weight > 0)) continue;
+    if (t.source) {
+      for (std::size_t i = 0; i < n; ++i)
+        if (const auto near = t.at(points[i], t.reach())) add(t, *near, blends[i]);
+      continue;
+    }
+    t.distance.closestTogether(points, t.reach(), std::span(hits).first(n), hints[k]);
+    for (std::size_t i = 0; i < n; ++i)
+      if (hits[i].element != kNoIndex) add(t, detail::exactRelative(t.distance, hits[i]), blends[i]);
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    out[i] = {};
+    out[i].pseudoDistance = kInfinity;
+    if (!finish(blends[i], out[i])) beyond(points[i], out[i]);
+  }
 }
 
 Field::Field(const skeleton::Skeleton& skeleton, const FieldOptions& options) {
@@ -178,6 +222,28 @@ void Field::evaluate(Points points, std::span<FieldValue> out) const {
   parallelFor(points.size(), 512, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) out[i] = impl_->evaluate(points[i]);
   });
+}
+
+void Field::evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const {
+  if (points.size() != out.size())
+    throw std::invalid_argument(fmt::format("out: {} elements, expected {}", out.size(), points.size()));
+  hints.resize(impl_->terms.size());
+  for (std::size_t begin = 0; begin < points.size(); begin += kTogether) {
+    const std::size_t n = std::min(kTogether, points.size() - begin);
+    const Points some = points.subspan(begin, n);
+    if (std::all_of(some.begin(), some.end(), [](const Vec3& p) { return p.allFinite(); })) {
+      impl_->evaluateTogether(some, out.subspan(begin, n), hints);
+    } else {
+      for (std::size_t i = begin; i < begin + n; ++i) out[i] = impl_->evaluate(points[i]);
+    }
+  }
+}
+
+void Field::closestTogether(std::size_t primitive, Points points, std::span<PrimitiveHit> out, SearchHints& hints) const {
+  if (points.size() != out.size())
+    throw std::invalid_argument(fmt::format("out: {} elements, expected {}", out.size(), points.size()));
+  hints.resize(impl_->terms.size());
+  impl_->terms.at(primitive).distance.closestTogether(points, kInfinity, out, hints[primitive]);
 }
 
 double Field::pseudoDistanceOf(double sum) const {

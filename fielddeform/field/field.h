@@ -2,9 +2,11 @@
 
 #include <fielddeform/field/distance.h>
 #include <fielddeform/skeleton/skeleton.h>
+#include <fielddeform/spatial/closest_tree.h>
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 namespace fielddeform::field {
 
@@ -42,6 +44,9 @@ struct FieldValue {
   bool inside = false;          ///< S > 0: in the influence region
 };
 
+/// Kept by a caller who asks for block after block of points; it changes no value.
+using SearchHints = std::vector<spatial::ClosestTree::BlockHint>;
+
 /// The scalar field of a skeleton: exact distance to each primitive, potentials, blend, pseudo-distance.
 /// Primitives of weight 0 contribute nothing, neither to the sum nor beyond the radii. Where nothing contributes, and
 /// at points that are not finite, D is infinite and the gradient zero.
@@ -68,6 +73,9 @@ class Field {
   FieldValue evaluate(const Vec3& point) const;
   /// Many points, in parallel. @throw std::invalid_argument if the sizes differ
   void evaluate(Points points, std::span<FieldValue> out) const;
+  /// evaluate() of points that lie near one another in their order (a cell's vertices), bit for bit, on the calling thread: they
+  /// share the searches. @throw std::invalid_argument if the sizes differ
+  void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const;
   /// D of a sum S > 0, as evaluate() computes it: the inverse of the field's own potential, world.
   double pseudoDistanceOf(double sum) const;
 
@@ -78,6 +86,9 @@ class Field {
   /// beyond 1/2 in either sense, so that small holes and an inside-out orientation do no harm.
   /// @param point  finite; for others the hit's element is kNoIndex
   PrimitiveHit closest(std::size_t primitive, const Vec3& point) const;
+  /// closest() of points that lie near one another in their order, bit for bit, on the calling thread.
+  /// @param points  all finite. @throw std::invalid_argument if the sizes differ
+  void closestTogether(std::size_t primitive, Points points, std::span<PrimitiveHit> out, SearchHints& hints) const;
   /// The influence radius of primitive i at a hit: interpolated per-point radius, or the one radius.
   double radiusAt(std::size_t primitive, const PrimitiveHit& hit) const;
 

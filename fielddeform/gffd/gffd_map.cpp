@@ -1,5 +1,6 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/gffd/detail/binding.h>
+#include <fielddeform/gffd/detail/block_tracker.h>
 #include <fielddeform/gffd/detail/grid_tracker.h>
 #include <fielddeform/gffd/detail/paper.h>
 #include <fielddeform/gffd/detail/stage.h>
@@ -185,16 +186,19 @@ EvaluationCounts GffdMap::applyCounted(const map::Binding& binding, map::MapOutp
   checkSize("status", out.status, n);
   checkSize("residual", out.residual, n);
   const Impl& impl = *impl_;
-  const bool grid = usesGrid();
+  const Stage& stage = *impl.stages[0];
+  const bool grid = usesGrid(), blocks = !grid && !impl.identity && impl.stages.size() == 1 && impl.embedding->cells && stage.axial();
   EvaluationCounts counts;
-  if (grid) counts = detail::trackByGrid(*impl.stages[0], b, out, progress);
+  if (grid) counts = detail::trackByGrid(stage, b, out, progress);
   else if (!impl.identity) counts.exact = countMovable(b);
-  if (grid && b.cells().order.size() == n) return counts;
+  if (blocks) detail::trackByBlocks(stage, b, out, progress);
+  const bool tracked = grid || blocks;
+  if (tracked && b.cells().order.size() == n) return counts;
   parallelFor(n, kGrain, progress, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       Tracked t{b.rest[i], b.rest[i], Status::Fixed, 0};
       if (!b.rest[i].allFinite()) t.status = Status::Invalid;
-      else if (grid && b.movable(i)) continue;
+      else if (tracked && b.movable(i)) continue;
       else if (b.movable(i) && !impl.identity) t = impl.track(b.rest[i], b.value(i));
       if (!out.position.empty()) out.position[i] = t.position;
       if (!out.safe.empty()) out.safe[i] = t.safe;

@@ -1,14 +1,17 @@
 #include <fielddeform/core/parallel.h>
+#include <fielddeform/gffd/detail/guard_kernel.h>
 #include <fielddeform/gffd/guard.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace fielddeform::gffd {
 namespace {
 
 constexpr double kFactor = 0.6;
-constexpr double kSlack = 1e-9;  // products of squares are rounded
+// How much float errs beyond slivers: normals by some 1e-3 rad, squared edges by some 3e-4 of them.
+constexpr double kCosineMargin = 0.01, kStretchMargin = 2e-3;
 
 class Guard {
  public:
@@ -18,6 +21,7 @@ class Guard {
 
   GuardReport run() {
     GuardReport report;
+    unit_ = unitOf();
     std::vector<Index> bad = badFaces(nullptr);
     if (bad.empty()) return report;
     prepare();
@@ -57,17 +61,59 @@ class Guard {
     return false;
   }
 
-  // True for most good triangles, without a root; the others, and what is no number, are looked at closely.
-  bool isClear(Index a, Index b, Index c) const {
-    const Vec3 &qa = safe_[a], &qb = safe_[b], &qc = safe_[c], &xa = position_[a], &xb = position_[b], &xc = position_[c];
-    const Vec3 q1 = qb - qa, q2 = qc - qa, q3 = qc - qb, x1 = xb - xa, x2 = xc - xa, x3 = xc - xb;
-    const Vec3 n = q1.cross(q2), m = x1.cross(x2);
-    const double d = n.dot(m);
-    const double most = options_.maxStretch * options_.maxStretch * (1 - kSlack);
-    const bool turned = !(d > 0) || !(d * d > options_.minCosine * options_.minCosine * (1 + kSlack) * (n.squaredNorm() * m.squaredNorm()));
-    const bool longer = !(x1.squaredNorm() < most * q1.squaredNorm()) || !(x2.squaredNorm() < most * q2.squaredNorm()) ||
-                        !(x3.squaredNorm() < most * q3.squaredNorm());
-    return !turned && !longer;
+  // The first look: triangles by blocks in float; what is suspect is looked at closely.
+  class Look {
+   public:
+    Look(const Guard& guard, std::vector<Index>& found) : guard_(guard), found_(found) {
+      const double cosine = std::abs(guard.options_.minCosine) + kCosineMargin, stretch = guard.options_.maxStretch;
+      bounds_ = {static_cast<float>(cosine * cosine), static_cast<float>(stretch * stretch * (1 - kStretchMargin))};
+    }
+    void take(Index face, Index a, Index b, Index c) {
+      const Vec3 &qa = guard_.safe_[a], &xa = guard_.position_[a];
+      put(edges_.q1, guard_.safe_[b] - qa);
+      put(edges_.q2, guard_.safe_[c] - qa);
+      put(edges_.x1, guard_.position_[b] - xa);
+      put(edges_.x2, guard_.position_[c] - xa);
+      triangle_[count_] = {face, a, b, c};
+      if (++count_ == detail::kGuardBlock) finish();
+    }
+    void finish() {
+      std::int32_t suspect[detail::kGuardBlock];
+      detail::findSuspects(edges_, bounds_, suspect);
+      for (std::size_t i = 0; i < count_; ++i) {
+        if (suspect[i] == 0) continue;
+        const auto [face, a, b, c] = triangle_[i];
+        if (!found_.empty() && found_.back() == face) continue;
+        if (guard_.finite(a) && guard_.finite(b) && guard_.finite(c) && guard_.isBad(a, b, c, nullptr)) found_.push_back(face);
+      }
+      count_ = 0;
+    }
+
+   private:
+    void put(float (&edge)[3][detail::kGuardBlock], const Vec3& e) const {
+      for (int k = 0; k < 3; ++k) edge[k][count_] = static_cast<float>(e[k] * guard_.unit_);
+    }
+
+    const Guard& guard_;
+    std::vector<Index>& found_;
+    detail::GuardBounds bounds_{};
+    detail::GuardEdges edges_{};
+    std::array<std::array<Index, 4>, detail::kGuardBlock> triangle_;
+    std::size_t count_ = 0;
+  };
+
+  // One over the usual length of an edge; a wrong one makes more triangles suspect.
+  double unitOf() const {
+    constexpr std::size_t kSampled = 64;
+    const std::size_t n = mesh_.faceCount(), step = std::max<std::size_t>(1, n / kSampled);
+    double sum = 0, count = 0;
+    for (std::size_t f = 0; f < n; f += step)
+      mesh_.forEachTriangle(static_cast<Index>(f), [&](Index a, Index b, Index) {
+        const double l = (safe_[b] - safe_[a]).norm();
+        if (l > 0 && std::isfinite(l)) sum += l, ++count;
+      });
+    const double unit = count / sum;
+    return std::isfinite(unit) && unit > 0 ? unit : 1;
   }
 
   std::vector<Index> badFaces(const std::vector<double>* lambda) const {
@@ -75,14 +121,21 @@ class Guard {
     const std::size_t n = lambda ? near_.size() : mesh_.faceCount();
     std::vector<std::vector<Index>> found((n + kGrain - 1) / kGrain);
     parallelFor(n, kGrain, [&](std::size_t begin, std::size_t end) {
+      std::vector<Index>& part = found[begin / kGrain];
+      if (!lambda) {
+        Look look(*this, part);
+        for (std::size_t f = begin; f < end; ++f)
+          mesh_.forEachTriangle(static_cast<Index>(f), [&](Index a, Index b, Index c) { look.take(static_cast<Index>(f), a, b, c); });
+        look.finish();
+        return;
+      }
       for (std::size_t i = begin; i < end; ++i) {
-        const Index f = lambda ? near_[i] : static_cast<Index>(i);
+        const Index f = near_[i];
         bool bad = false;
         mesh_.forEachTriangle(f, [&](Index a, Index b, Index c) {
-          if (!lambda && isClear(a, b, c)) return;
           bad = bad || (finite(a) && finite(b) && finite(c) && isBad(a, b, c, lambda));
         });
-        if (bad) found[begin / kGrain].push_back(f);
+        if (bad) part.push_back(f);
       }
     });
     std::vector<Index> all;
@@ -154,6 +207,7 @@ class Guard {
   std::span<Vec3> position_;
   std::span<Status> status_;
   GuardOptions options_;
+  double unit_ = 1;
   std::vector<double> lambda_;
   std::vector<Index> start_, faces_, active_, near_;
 };

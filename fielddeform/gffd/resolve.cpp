@@ -163,6 +163,10 @@ Evaluation chooseEvaluation(const mesh::Mesh& mesh, const ResolvedOptions& r) {
   const auto& frame = r.embedding->cells;
   const std::size_t n = mesh.vertexCount();
   if (!frame || n < kFewVertices || r.options.substeps > 1) return Evaluation::Exact;
+  // A mesh carries the object in facets, whose kinks no cubic follows; blocks of vertices share the search for the facet.
+  const auto isMesh = [](const skeleton::Primitive& p) { return p.type == skeleton::PrimitiveType::Mesh; };
+  const auto& primitives = r.skeletons.rest.primitives;
+  if (r.options.predictor == Predictor::Axial && std::any_of(primitives.begin(), primitives.end(), isMesh)) return Evaluation::Exact;
   const auto& points = mesh.positions();
   const std::size_t cells =
       detail::countCells(*frame, points, [&](std::size_t i) { return points[i].allFinite(); }, n / kVerticesPerCell);

@@ -1,7 +1,6 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/spatial/closest_tree.h>
-#include <fielddeform/spatial/detail/box_tree.h>
-#include <fielddeform/spatial/detail/simplex_inline.h>
+#include <fielddeform/spatial/detail/closest_tree_impl.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,44 +12,9 @@ namespace fielddeform::spatial {
 namespace {
 
 constexpr std::uint32_t kLeafSize = 4;
-// Bound on the rounding of a computed distance, relative to distance and element: boxes up to this much farther are
-// still opened, so that the answer is the minimum of the computed distances, whatever the tree.
-constexpr double kSlack = 1e-12;
-// Queries beyond this (in the tree's units) see all elements in one place.
-constexpr double kFar = 0x1p500;
 constexpr double kTinySquare = 0x1p-960;
 
 }  // namespace
-
-struct ClosestTree::Impl {
-  int corners = 0;            // 1, 2 or 3
-  std::size_t count = 0;      // elements
-  double scale = 1, inverse = 1;
-  double extent = 0;          // longest element box diagonal
-  detail::BoxTree tree;
-  std::vector<Vec3> vertex;   // by leaf slot, `corners` each
-  std::vector<Index> slot;    // element -> leaf slot
-
-  struct Best {
-    SimplexHit hit{std::numeric_limits<double>::infinity(), Vec3::Zero(), Vec3::Zero()};
-    Index element = kNoIndex;
-    std::uint32_t slot = 0;
-    double limit = std::numeric_limits<double>::infinity();  // squared distance of boxes to open
-  };
-
-  template <std::size_t N>
-  static std::unique_ptr<Impl> build(Points points, std::span<const std::array<Index, N>> elements, const char* argument);
-  void raiseLimit(Best& best) const {
-    const double d = std::sqrt(best.hit.squaredDistance);
-    const double reach = d + kSlack * (d + extent);
-    best.limit = reach * reach;
-  }
-  template <int N>
-  void testSlot(const Vec3& q, std::uint32_t s, Best& best) const;
-  template <int N>
-  void traverse(const Vec3& q, Best& best) const;
-  ClosestPoint query(const Vec3& world, const QueryOptions& options) const;
-};
 
 template <std::size_t N>
 std::unique_ptr<ClosestTree::Impl> ClosestTree::Impl::build(Points points,
@@ -88,77 +52,24 @@ std::unique_ptr<ClosestTree::Impl> ClosestTree::Impl::build(Points points,
   return impl;
 }
 
-template <int N>
-void ClosestTree::Impl::testSlot(const Vec3& q, std::uint32_t s, Best& best) const {
-  const Vec3* v = vertex.data() + static_cast<std::size_t>(N) * s;
-  SimplexHit hit;
-  if constexpr (N == 1) hit = detail::onPoint(q, v[0]);
-  if constexpr (N == 2) hit = detail::onSegment(q, v[0], v[1]);
-  if constexpr (N == 3) hit = detail::onTriangle(q, v[0], v[1], v[2]);
-  if (hit.squaredDistance > best.hit.squaredDistance) return;
-  if (hit.squaredDistance == best.hit.squaredDistance && best.element <= tree.order[s]) return;
-  best.hit = hit;
-  best.element = tree.order[s];
-  best.slot = s;
-  raiseLimit(best);
-}
-
-template <int N>
-void ClosestTree::Impl::traverse(const Vec3& q, Best& best) const {
-  struct Entry {
-    detail::BoxTree::Child child;
-    double squaredDistance;
-  };
-  Entry stack[detail::BoxTree::kMaxDepth];
-  int top = 0;
-  stack[top++] = {tree.root, 0};
-  while (top > 0) {
-    const Entry entry = stack[--top];
-    if (entry.squaredDistance > best.limit) continue;
-    if (entry.child.count > 0) {
-      for (std::uint32_t s = entry.child.begin; s < entry.child.begin + entry.child.count; ++s) testSlot<N>(q, s, best);
-      continue;
-    }
-    const detail::BoxTree::Node& node = tree.nodes[entry.child.begin];
-    double d2[2] = {0, 0};
-    for (int k = 0; k < 3; ++k)
-      for (int side = 0; side < 2; ++side) {
-        const double below = node.low[k][side] - q[k], above = q[k] - node.high[k][side];
-        double d = below > above ? below : above;
-        d = d > 0 ? d : 0;
-        d2[side] += d * d;
-      }
-    const int nearer = d2[1] < d2[0] ? 1 : 0, farther = 1 - nearer;
-    if (d2[farther] <= best.limit) stack[top++] = {node.child[farther], d2[farther]};
-    stack[top++] = {node.child[nearer], d2[nearer]};
-  }
-}
-
 ClosestPoint ClosestTree::Impl::query(const Vec3& world, const QueryOptions& options) const {
-  ClosestPoint result;
-  if (count == 0 || !world.allFinite() || !(options.maxDistance >= 0)) return result;
+  if (count == 0 || !world.allFinite() || !(options.maxDistance >= 0)) return {};
   Vec3 q = world * scale;
   const bool far = !(q.cwiseAbs().maxCoeff() < kFar);
   if (far) q = (world * 0.25).stableNormalized() * kFar;  // the elements' order is lost in rounding either way
 
   Best best;
-  const double bound = options.maxDistance * scale;
-  if (bound < kFar) best.limit = bound * bound * (1 + kSlack) + std::numeric_limits<double>::min();
-  const bool hinted = options.hint < count;
+  best.limit = limitOf(options.maxDistance * scale);
   switch (corners) {
-    case 1:
-      if (hinted) testSlot<1>(q, slot[options.hint], best);
-      traverse<1>(q, best);
-      break;
-    case 2:
-      if (hinted) testSlot<2>(q, slot[options.hint], best);
-      traverse<2>(q, best);
-      break;
-    default:
-      if (hinted) testSlot<3>(q, slot[options.hint], best);
-      traverse<3>(q, best);
+    case 1: search<1>(q, options.hint, best); break;
+    case 2: search<2>(q, options.hint, best); break;
+    default: search<3>(q, options.hint, best);
   }
-  if (best.element == kNoIndex) return result;
+  return answer(world, far, best, options.maxDistance);
+}
+
+ClosestPoint ClosestTree::Impl::answer(const Vec3& world, bool far, const Best& best, double maxDistance) const {
+  if (best.element == kNoIndex) return {};
 
   const Vec3* v = vertex.data() + static_cast<std::size_t>(corners) * best.slot;
   const Vec3& w = best.hit.weight;
@@ -176,7 +87,7 @@ ClosestPoint ClosestTree::Impl::query(const Vec3& world, const QueryOptions& opt
   const bool outOfRange = far || d2 < kTinySquare;
   const Vec3 offset = outOfRange ? Vec3(world - point) : Vec3(best.hit.offset * inverse);
   const double distance = outOfRange ? offset.stableNorm() : std::sqrt(d2) * inverse;
-  if (distance > options.maxDistance) return result;
+  if (distance > maxDistance) return {};
   return {best.element, distance, point, offset, w};
 }
 
@@ -215,6 +126,16 @@ void ClosestTree::closest(Points queries, std::span<ClosestPoint> out) const {
       if (out[i].element != kNoIndex) options.hint = out[i].element;
     }
   });
+}
+
+void ClosestTree::closestTogether(Points queries, std::span<ClosestPoint> out, BlockHint& hint, double maxDistance) const {
+  if (queries.size() != out.size())
+    throw std::invalid_argument(fmt::format("out: {} elements, expected {}", out.size(), queries.size()));
+  switch (impl_->corners) {
+    case 1: return impl_->together<1>(queries, out, maxDistance, hint);
+    case 2: return impl_->together<2>(queries, out, maxDistance, hint);
+    default: return impl_->together<3>(queries, out, maxDistance, hint);
+  }
 }
 
 }  // namespace fielddeform::spatial

@@ -1,6 +1,6 @@
 // Bind and edit of a bumpy capsule in CPU-nanoseconds a vertex: a 100-segment line bent by 90 degrees, four lines twisted
 // by 180 degrees, a mesh skeleton of 1000 triangles bent.
-//   edit_bench [--vertices N] [--repeats N] [--peer NANOSECONDS] [--case line|mls|twist|mesh|exact] [--segments N] [--threads N]
+//   edit_bench [--vertices N] [--repeats N] [--peer NANOSECONDS] [--case line|mls|twist|mesh|exact] [--segments N] [--triangles N] [--threads N]
 //   edit_bench --write FILE [--vertices N]    the capsule as a mesh file, and nothing else
 // An edit is everything that a new pose of a bound mesh costs: frames, grid, prediction, correction, guard, statuses and
 // residuals; counting folds and the retry that `deform` adds have rows of their own.
@@ -14,6 +14,7 @@
 #include <tests/bench/bench.h>
 #include <tests/support/cases.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -50,8 +51,11 @@ Edit fourLineTwist() {
   return e;
 }
 
-Edit cageBend() {
-  const mesh::Mesh inner = tests::makeCapsule({.radius = 0.12, .around = 22, .along = 23, .bump = 0});
+// About as many triangles; 1000 are 1012.
+Edit cageBend(int triangles) {
+  const int around = std::max(3, static_cast<int>(std::lround(std::sqrt(triangles / 2.0 * 22 / 23))));
+  const int along = std::max(2, static_cast<int>(std::lround(triangles / 2.0 / around)));
+  const mesh::Mesh inner = tests::makeCapsule({.radius = 0.12, .around = around, .along = along, .bump = 0});
   skeleton::Primitive p = primitive("shell", inner.positions(), 0.5);
   p.type = skeleton::PrimitiveType::Mesh;
   for (std::size_t f = 0; f < inner.faceCount(); ++f) p.faces.emplace_back(inner.face(f).begin(), inner.face(f).end());
@@ -121,6 +125,7 @@ int main(int argc, char** argv) {
   const double peer = std::stod(bench::option(argc, argv, "--peer", "0"));
   const std::string only = bench::option(argc, argv, "--case", "");
   const int segments = std::stoi(bench::option(argc, argv, "--segments", "100"));
+  const int triangles = std::stoi(bench::option(argc, argv, "--triangles", "1000"));
   const int around = static_cast<int>(std::sqrt(wanted / 1.5));
   const mesh::Mesh mesh = tests::makeCapsule({.around = around, .along = static_cast<int>(wanted / around)});
   if (const std::string file = bench::option(argc, argv, "--write", ""); !file.empty()) {
@@ -140,7 +145,7 @@ int main(int argc, char** argv) {
   if (wants("line")) bench.run(line, Axial, gffd::Evaluation::Auto);
   if (wants("mls")) bench.run(line, Mls, gffd::Evaluation::Auto);
   if (wants("twist")) bench.run(fourLineTwist(), Axial, gffd::Evaluation::Auto);
-  if (wants("mesh")) bench.run(cageBend(), Axial, gffd::Evaluation::Auto);
+  if (wants("mesh")) bench.run(cageBend(triangles), Axial, gffd::Evaluation::Auto);
   if (wants("exact")) {
     bench.run(line, Axial, gffd::Evaluation::Exact);
     bench.run(line, Mls, gffd::Evaluation::Exact);

@@ -86,9 +86,41 @@ std::optional<PrimitiveHit> PrimitiveDistance::closest(const Vec3& point, double
   if (!isSigned()) query.maxDistance = maxDistance;
   const spatial::ClosestPoint c = tree_->closest(point, query);
   if (c.element == kNoIndex) return std::nullopt;
+  return hitOf(c, isSigned() && (hint.inside ? *hint.inside : contains(point)));
+}
+
+void PrimitiveDistance::closestTogether(Points points, double maxDistance, std::span<PrimitiveHit> out,
+                                        spatial::ClosestTree::BlockHint& hint) const {
+  constexpr std::size_t kChunk = 64;
+  constexpr double kRounding = 1 - 1e-9;
+  std::array<spatial::ClosestPoint, kChunk> found;
+  // The sign of one point is that of the others in the ball around it that holds no surface.
+  Vec3 centre = Vec3::Zero();
+  double clear = 0;
+  bool within = false;
+  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
+    const std::size_t n = std::min(kChunk, points.size() - begin);
+    tree_->closestTogether(points.subspan(begin, n), std::span(found).first(n), hint,
+                           isSigned() ? std::numeric_limits<double>::infinity() : maxDistance);
+    for (std::size_t i = 0; i < n; ++i) {
+      const spatial::ClosestPoint& c = found[i];
+      if (c.element == kNoIndex) {
+        out[begin + i].element = kNoIndex;
+        continue;
+      }
+      const Vec3& point = points[begin + i];
+      if (isSigned() && !(watertight_ && (point - centre).norm() < clear)) {
+        within = contains(point);
+        centre = point;
+        clear = c.distance * kRounding;
+      }
+      out[begin + i] = hitOf(c, within);
+    }
+  }
+}
+
+PrimitiveHit PrimitiveDistance::hitOf(const spatial::ClosestPoint& c, bool inside) const {
   PrimitiveHit hit;
-  const bool inside =
-      isSigned() && (hint.inside ? *hint.inside : box_.contains(point) && std::abs(winding_->at(point)) > 0.5);
   hit.point = c.point;
   hit.distance = inside ? -c.distance : c.distance;
   hit.direction = signedDirection(c, inside);

@@ -5,6 +5,7 @@
 #include <fielddeform/spatial/winding.h>
 
 #include <array>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -36,6 +37,10 @@ class PrimitiveDistance {
   std::optional<PrimitiveHit> closest(const Vec3& point, double maxDistance = std::numeric_limits<double>::infinity(),
                                       const ClosestHint& hint = {}) const;
 
+  /// closest() of points that lie near one another in their order, bit for bit; where that finds nothing, the element
+  /// is kNoIndex. Spans of one size.
+  void closestTogether(Points points, double maxDistance, std::span<PrimitiveHit> out, spatial::ClosestTree::BlockHint& hint) const;
+
   double radiusAt(const PrimitiveHit& hit) const;
   /// Derivative of f(p) = distance / radius(closest point) by p. With a radius per point:
   /// n / r - (d / r^2) grad r, where r follows the closest point along its segment or in its triangle.
@@ -43,6 +48,8 @@ class PrimitiveDistance {
 
  private:
   Vec3 radiusGradient(const PrimitiveHit& hit) const;
+  PrimitiveHit hitOf(const spatial::ClosestPoint& c, bool inside) const;
+  bool contains(const Vec3& point) const { return box_.contains(point) && std::abs(winding_->at(point)) > 0.5; }
   Vec3 signedDirection(const spatial::ClosestPoint& c, bool inside) const;
 
   int corners_;                                  // per element

@@ -9,6 +9,9 @@
 namespace fielddeform::gffd::detail {
 namespace {
 
+// No allocation for the few primitives of usual skeletons.
+constexpr std::size_t kFew = 8;
+
 Quat mix(const Quat& a, const Quat& b, double t) {
   Quat q;
   q.coeffs() = (1 - t) * a.coeffs() + (a.dot(b) < 0 ? -t : t) * b.coeffs();
@@ -72,13 +75,28 @@ double AxialPredictor::nearness(const Vec3& point) const {
 
 LocalMotion AxialPredictor::at(const Vec3& point) const {
   const std::size_t n = field_->primitiveCount();
+  std::array<field::PrimitiveHit, kFew> few;
+  std::vector<field::PrimitiveHit> many(n > kFew ? n : 0);
+  field::PrimitiveHit* hits = n > kFew ? many.data() : few.data();
+  for (std::size_t i = 0; i < n; ++i) hits[i] = field_->closest(i, point);
+  return from(point, hits, 1);
+}
+
+void AxialPredictor::at(Points points, std::span<LocalMotion> out, Searches& searches) const {
+  const std::size_t n = field_->primitiveCount();
+  searches.hits.resize(n * points.size());
+  for (std::size_t i = 0; i < n; ++i)
+    field_->closestTogether(i, points, std::span(searches.hits).subspan(i * points.size(), points.size()), searches.hints);
+  for (std::size_t k = 0; k < points.size(); ++k) out[k] = from(points[k], searches.hits.data() + k, points.size());
+}
+
+LocalMotion AxialPredictor::from(const Vec3& point, const field::PrimitiveHit* hits, std::size_t stride) const {
+  const std::size_t n = field_->primitiveCount();
   const auto motion = [&](const Frame& f) {
     const Vec3 back = f.rest - point;
     return LocalMotion{f.rotation, f.move - (f.scale * (f.rotation * back) - back)};
   };
-  if (n == 1) return motion(frameAt(0, field_->closest(0, point)));
-  // No allocation for the few primitives of usual skeletons.
-  constexpr std::size_t kFew = 8;
+  if (n == 1) return motion(frameAt(0, hits[0]));
   std::array<LocalMotion, kFew> fewMotions;
   std::array<double, kFew> fewWeights;
   std::vector<LocalMotion> manyMotions(n > kFew ? n : 0);
@@ -87,7 +105,7 @@ LocalMotion AxialPredictor::at(const Vec3& point) const {
   const std::span<double> weights(n > kFew ? manyWeights.data() : fewWeights.data(), n);
   double nearest = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < n; ++i) {
-    const field::PrimitiveHit hit = field_->closest(i, point);
+    const field::PrimitiveHit& hit = hits[i * stride];
     weights[i] = hit.distance / field_->radiusAt(i, hit);
     nearest = std::min(nearest, weights[i]);
     motions[i] = motion(frameAt(i, hit));

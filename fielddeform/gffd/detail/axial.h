@@ -17,6 +17,12 @@ class AxialPredictor {
   /// @param field  of the rest primitives that `samples` samples, in the same order
   AxialPredictor(std::shared_ptr<const field::Field> field, const skeleton::SampledPair& samples);
   LocalMotion at(const Vec3& point) const;
+  /// at() of points that lie near one another in their order, all finite, bit for bit; they share the searches.
+  struct Searches {
+    field::SearchHints hints;
+    std::vector<field::PrimitiveHit> hits;
+  };
+  void at(Points points, std::span<LocalMotion> out, Searches& searches) const;
   /// min_i |d_i| / r_i: how near the skeleton is, in radii.
   double nearness(const Vec3& point) const;
 
@@ -26,6 +32,8 @@ class AxialPredictor {
     Quat rotation;
     double scale;
   };
+  // From the closest points on the primitives, `stride` apart.
+  LocalMotion from(const Vec3& point, const field::PrimitiveHit* hits, std::size_t stride) const;
   Frame frameAt(std::size_t primitive, const field::PrimitiveHit& hit) const;
 
   std::shared_ptr<const field::Field> field_;

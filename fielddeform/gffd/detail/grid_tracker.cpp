@@ -1,10 +1,12 @@
 #include <fielddeform/core/parallel.h>
+#include <fielddeform/gffd/detail/block_tracker.h>
 #include <fielddeform/gffd/detail/displacement_grid.h>
 #include <fielddeform/gffd/detail/grid_kernel.h>
 #include <fielddeform/gffd/detail/grid_tracker.h>
 #include <fielddeform/gffd/detail/lines_field.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace fielddeform::gffd::detail {
@@ -47,7 +49,7 @@ Tasks makeTasks(const CellOrder& cells) {
 class Tracker {
  public:
   Tracker(const Stage& stage, const GffdBinding& binding, const DisplacementGrid::Cells& cells, const map::MapOutput& out)
-      : stage_(stage), binding_(binding), order_(binding.cells()), cells_(cells), out_(out) {}
+      : stage_(stage), binding_(binding), order_(binding.cells()), cells_(cells), out_(out), settler_(stage) {}
 
   EvaluationCounts run(std::span<const Piece> pieces) {
     std::uint32_t known = 0xFFFFFFFFu;
@@ -111,10 +113,18 @@ class Tracker {
   }
 
   void finish() {
-    if (stage_.lines()) correct();
-    else
-      for (std::size_t k = 0; k < count_; ++k) singly(k);
+    stage_.lines() ? correct() : settle();
     count_ = 0;
+  }
+
+  // Another field: blocks share its searches.
+  void settle() {
+    counts_.singly += count_;
+    std::array<BlockSettler::Point, kLanes> points;
+    std::array<Tracked, kLanes> tracked;
+    for (std::size_t k = 0; k < count_; ++k) points[k] = {predicted(k), binding_.value(index_[k]), weight_[k]};
+    settler_.settle(std::span(points).first(count_), std::span(tracked).first(count_));
+    for (std::size_t k = 0; k < count_; ++k) write(index_[k], tracked[k]);
   }
 
   Vec3 predicted(std::size_t k) const { return {predicted_.x[k], predicted_.y[k], predicted_.z[k]}; }
@@ -201,6 +211,7 @@ class Tracker {
   const CellOrder& order_;
   const DisplacementGrid::Cells& cells_;
   const map::MapOutput& out_;
+  BlockSettler settler_;
   EvaluationCounts counts_;
   std::size_t count_ = 0;
   alignas(64) double polynomial_[kCoefficients];

@@ -8,9 +8,7 @@ namespace fielddeform::gffd::detail {
 namespace {
 
 constexpr double kNear = 0.3;          // radii: nearer than this the closest frame takes over
-constexpr double kGradientFloor = 0.05;
 constexpr double kLongestStep = 0.5;   // radii
-constexpr int kHalvings = 8;
 constexpr double kRigidTolerance = 1e-12;
 
 bool sameField(const skeleton::Primitive& a, const skeleton::Primitive& b) {
@@ -102,43 +100,17 @@ LocalMotion Stage::motionAt(const Vec3& point, double level) const {
 
 Vec3 Stage::predict(const Vec3& rest, const Value& value, double w) const {
   if (w <= 0) return rest;
-  const LocalMotion motion = motionAt(rest, value.level);
-  return rest + (w < 1 ? screwPower(motion, w).translation : motion.translation);
+  return rest + part(motionAt(rest, value.level), w);
 }
 
-double Stage::target(const Vec3& predicted, const Value& value, double w) const {
+Vec3 Stage::part(const LocalMotion& motion, double weight) {
+  return weight < 1 ? screwPower(motion, weight).translation : motion.translation;
+}
+
+Correction Stage::correction(const Vec3& predicted, const field::FieldValue& here, const Value& value, double w) const {
   const double kept = value.level * radius_;
-  return w < 1 ? (1 - w) * posed_->evaluate(predicted).pseudoDistance + w * kept : kept;
-}
-
-Tracked Stage::correct(const Vec3& predicted, double target) const {
-  Tracked best{predicted, predicted, Status::Stalled, 0};
-  field::FieldValue here = posed_->evaluate(predicted);
-  double residual = here.pseudoDistance - target;
-  best.residual = std::abs(residual);
-  if (!std::isfinite(best.residual)) return best;
-  // One step is always taken: stepping only beyond the tolerance would turn small differences into visible ones.
-  for (int i = 0; options_.corrector && i < options_.maxIterations && (i == 0 || best.residual > tolerance_); ++i) {
-    const double slope = std::max(here.gradient.squaredNorm(), kGradientFloor * kGradientFloor);
-    Vec3 step = -residual / slope * here.gradient;
-    const double length = step.norm(), longest = kLongestStep * radius_;
-    if (length > longest) step *= longest / length;
-    bool better = false;
-    for (int h = 0; h <= kHalvings && !better; ++h, step *= 0.5) {
-      const Vec3 next = best.position + step;
-      const field::FieldValue there = posed_->evaluate(next);
-      const double r = there.pseudoDistance - target;
-      if (!(std::abs(r) < best.residual)) continue;
-      better = true;
-      best.position = next;
-      best.residual = std::abs(r);
-      residual = r;
-      here = there;
-    }
-    if (!better) break;
-  }
-  if (best.residual <= tolerance_) best.status = Status::Converged;
-  return best;
+  return {predicted, here, w < 1 ? (1 - w) * here.pseudoDistance + w * kept : kept,
+          {tolerance_, kLongestStep * radius_, options_.corrector ? options_.maxIterations : 0}};
 }
 
 Tracked Stage::track(const Vec3& rest, const Value& value) const {
@@ -155,12 +127,18 @@ Tracked Stage::track(const Vec3& rest, const Value& value) const {
 }
 
 Tracked Stage::settle(const Vec3& predicted, const Value& value, double w) const {
-  return correct(predicted, target(predicted, value, w));
+  Correction c = correction(predicted, posed_->evaluate(predicted), value, w);
+  while (c.open()) {
+    const Vec3 next = c.next();
+    c.take(next, posed_->evaluate(next));
+  }
+  return c.result();
 }
 
 double Stage::residual(const Vec3& rest, const Value& value, const Vec3& position) const {
   const double w = weight(value);
-  const double wanted = w < 1 ? target(predict(rest, value, w), value, w) : value.level * radius_;
+  double wanted = value.level * radius_;
+  if (w < 1) wanted = (1 - w) * posed_->evaluate(predict(rest, value, w)).pseudoDistance + w * wanted;
   return std::abs(posed_->evaluate(position).pseudoDistance - wanted);
 }
 

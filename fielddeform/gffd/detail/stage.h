@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fielddeform/gffd/detail/axial.h>
+#include <fielddeform/gffd/detail/correction.h>
 #include <fielddeform/gffd/detail/correspondence.h>
 #include <fielddeform/gffd/detail/displacement_grid.h>
 #include <fielddeform/gffd/detail/lines_field.h>
@@ -19,13 +20,6 @@ struct Embedding {
   std::vector<Index> movingIndex;              ///< the rest primitives that are not removed
   double radius = 0;                           ///< R of `field`
   std::optional<CellFrame> cells;              ///< of the moving part; absent where there can be none
-};
-
-/// One vertex on its way: where it was predicted, where it ended, and how well.
-struct Tracked {
-  Vec3 safe, position;
-  Status status = Status::Converged;
-  double residual = 0;
 };
 
 /// The value a bound point keeps, in units of R, and its share of influence.
@@ -47,8 +41,12 @@ class Stage {
   Tracked track(const Vec3& rest, const Value& value) const;
   /// The prediction of a point whose falloff leaves it `weight`.
   Vec3 predict(const Vec3& rest, const Value& value, double weight) const;
+  /// The displacement by a motion of which the falloff leaves `weight`, > 0.
+  static Vec3 part(const LocalMotion& motion, double weight);
   /// Corrects a finite prediction.
   Tracked settle(const Vec3& predicted, const Value& value, double weight) const;
+  /// The same, one evaluation at a time. @param here  the posed field's value at the prediction
+  Correction correction(const Vec3& predicted, const field::FieldValue& here, const Value& value, double weight) const;
   /// |D - D*| at a position of a point that started at `rest`.
   double residual(const Vec3& rest, const Value& value, const Vec3& position) const;
 
@@ -60,6 +58,8 @@ class Stage {
   double radius() const noexcept { return radius_; }        ///< R of the posed field
   double tolerance() const noexcept { return tolerance_; }  ///< world
   bool corrects() const noexcept { return options_.corrector; }
+  /// The closest-frame predictor; null where another predicts, or a rigid motion carries all.
+  const AxialPredictor* axial() const noexcept { return options_.predictor == Predictor::Axial && !rigid_ ? &*axial_ : nullptr; }
   /// The predictor's grid; null where every point is predicted by itself.
   const DisplacementGrid* grid() const noexcept { return grid_.get(); }
   /// The posed field by blocks; null if it is of another kind.
@@ -69,8 +69,6 @@ class Stage {
 
  private:
   void makeGrid(const Embedding& embedding, const skeleton::Skeleton& posed);
-  double target(const Vec3& predicted, const Value& value, double weight) const;
-  Tracked correct(const Vec3& predicted, double target) const;
   void findRigid(const skeleton::SampledPair& samples, const MovingPart& part, const skeleton::SkeletonPair& pair);
 
   Options options_;

@@ -12,9 +12,13 @@ inline constexpr double kThin = 1e-2, kFlat = 1e-28;
 // Weights below this may be rounding: the edge decides, so that neighbours agree about their common edges and corners.
 inline constexpr double kOnEdge = 1e-13;
 
+// In the order of the lanes of closest_lanes.cpp, which must find the same bits.
+inline double dot(const Vec3& a, const Vec3& b) noexcept { return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]; }
+inline double square(const Vec3& a) noexcept { return dot(a, a); }
+
 inline SimplexHit onPoint(const Vec3& p, const Vec3& a) noexcept {
   const Vec3 d = p - a;
-  return {d.squaredNorm(), d, Vec3(1, 0, 0)};
+  return {square(d), d, Vec3(1, 0, 0)};
 }
 
 // Closest point on a segment: the fraction t and the offset query - point. Ends are met exactly, so that neighbours
@@ -25,13 +29,13 @@ struct EdgeHit {
 };
 
 inline EdgeHit onEdge(const Vec3& pa, const Vec3& pb, const Vec3& ab) noexcept {
-  const double along = pa.dot(ab), length2 = ab.squaredNorm();
-  if (!(along > 0)) return {pa.squaredNorm(), 0, pa};
-  if (!(along < length2)) return {pb.squaredNorm(), 1, pb};
+  const double along = dot(pa, ab), length2 = square(ab);
+  if (!(along > 0)) return {square(pa), 0, pa};
+  if (!(along < length2)) return {square(pb), 1, pb};
   const double t = along / length2;
   // From the nearer end: the rounding of t counts less.
   const Vec3 offset = t < 0.5 ? Vec3(pa - t * ab) : Vec3(pb + (1 - t) * ab);
-  return {offset.squaredNorm(), t, offset};
+  return {square(offset), t, offset};
 }
 
 inline SimplexHit onSegment(const Vec3& p, const Vec3& a, const Vec3& b) noexcept {
@@ -42,20 +46,20 @@ inline SimplexHit onSegment(const Vec3& p, const Vec3& a, const Vec3& b) noexcep
 // Makes the offset perpendicular to both edges of a thin triangle. Its normal is uncertain by rounding / sine; along
 // the longer edge and across it the residual is not.
 inline void refineProjection(const Vec3& ab, const Vec3& ac, double& v, double& w, Vec3& offset) noexcept {
-  const bool swap = ac.squaredNorm() > ab.squaredNorm();
+  const bool swap = square(ac) > square(ab);
   const Vec3& e = swap ? ac : ab;
   const Vec3& f = swap ? ab : ac;
   double& onE = swap ? w : v;
   double& onF = swap ? v : w;
-  const double e2 = e.squaredNorm(), t = e.dot(f) / e2;
+  const double e2 = square(e), t = dot(e, f) / e2;
   const Vec3 across = f - t * e;
-  const double across2 = across.squaredNorm();
+  const double across2 = square(across);
   if (!(across2 > 0)) return;
   for (int i = 0; i < 3; ++i) {
     // Along first: what is left of it would be blown up by 1 / sine in the other step.
-    const double de = e.dot(offset) / e2;
+    const double de = dot(e, offset) / e2;
     offset -= de * e;
-    const double df = across.dot(offset) / across2;
+    const double df = dot(across, offset) / across2;
     offset -= df * across;
     onE += de - df * t;
     onF += df;
@@ -65,17 +69,17 @@ inline void refineProjection(const Vec3& ab, const Vec3& ac, double& v, double& 
 inline SimplexHit onTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
   const Vec3 pa = p - a, ab = b - a, ac = c - a;
   const Vec3 n = ab.cross(ac);
-  const double n2 = n.squaredNorm(), ab2 = ab.squaredNorm(), ac2 = ac.squaredNorm();
+  const double n2 = square(n), ab2 = square(ab), ac2 = square(ac);
   const bool thin = !(n2 > kThin * ab2 * ac2);
   bool acrossA = true, acrossB = true, acrossC = true;  // beyond the edge opposite to the corner
   SimplexHit best{std::numeric_limits<double>::infinity(), pa, Vec3(1, 0, 0)};
   if (n2 > kFlat * ab2 * ac2 && n2 > 0) {
     const double inverse = 1 / n2;
-    double v = n.dot(pa.cross(ac)) * inverse, w = n.dot(ab.cross(pa)) * inverse;
+    double v = dot(n, pa.cross(ac)) * inverse, w = dot(n, ab.cross(pa)) * inverse;
     Vec3 offset = pa - v * ab - w * ac;
     if (thin) refineProjection(ab, ac, v, w, offset);
     const double u = 1 - v - w;
-    if (u >= 0 && v >= 0 && w >= 0) best = {offset.squaredNorm(), offset, Vec3(u, v, w)};
+    if (u >= 0 && v >= 0 && w >= 0) best = {square(offset), offset, Vec3(u, v, w)};
     if (!thin) {
       acrossA = u < kOnEdge;
       acrossB = v < kOnEdge;

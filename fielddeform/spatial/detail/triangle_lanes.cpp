@@ -1,0 +1,101 @@
+#include <fielddeform/core/detail/simd.h>
+#include <fielddeform/spatial/detail/simplex_inline.h>
+#include <fielddeform/spatial/detail/triangle_lanes.h>
+
+#include <limits>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
+namespace fielddeform::spatial::detail {
+namespace {
+
+using fielddeform::detail::SimdLevel, fielddeform::detail::simdLevel;
+
+struct NearestTask {
+  const TriangleTest* tests;
+  std::size_t testCount;
+  const LaneQueries& queries;
+  std::size_t count;
+  LaneHits& hits;
+};
+
+namespace baseline {
+#define LANES_TARGET
+using Pack = fielddeform::detail::Two;
+using Mask = decltype(Pack{} < Pack{});
+inline bool anyOf(const Mask& mask) { return (mask[0] | mask[1]) != 0; }
+#include <fielddeform/spatial/detail/triangle_lanes_level.h>
+#undef LANES_TARGET
+}  // namespace baseline
+
+#if defined(__x86_64__)
+namespace avx2 {
+#define LANES_TARGET FIELDDEFORM_SIMD_AVX2
+using Pack = fielddeform::detail::Four;
+using Mask = decltype(Pack{} < Pack{});
+LANES_TARGET inline bool anyOf(const Mask& mask) { return _mm256_movemask_pd(reinterpret_cast<const __m256d&>(mask)) != 0; }
+#include <fielddeform/spatial/detail/triangle_lanes_level.h>
+#undef LANES_TARGET
+}  // namespace avx2
+
+namespace avx512 {
+#define LANES_TARGET FIELDDEFORM_SIMD_AVX512
+using Pack = fielddeform::detail::Eight;
+using Mask = decltype(Pack{} < Pack{});
+LANES_TARGET inline bool anyOf(const Mask& mask) { return _mm512_movepi64_mask(reinterpret_cast<const __m512i&>(mask)) != 0; }
+#include <fielddeform/spatial/detail/triangle_lanes_level.h>
+#undef LANES_TARGET
+}  // namespace avx512
+#else
+namespace avx2 = baseline;
+namespace avx512 = baseline;
+#endif
+
+void store(const Vec3& from, double* to) {
+  for (int k = 0; k < 3; ++k) to[k] = from[k];
+}
+
+}  // namespace
+
+TriangleTest makeTest(const Vec3& a, const Vec3& b, const Vec3& c, Index element) noexcept {
+  TriangleTest t{};
+  const Vec3 ab = b - a, ac = c - a, bc = c - b, n = ab.cross(ac);
+  store(a, t.a);
+  store(b, t.b);
+  store(c, t.c);
+  store(ab, t.ab);
+  store(ac, t.ac);
+  store(bc, t.bc);
+  store(n, t.n);
+  t.ab2 = square(ab);
+  t.ac2 = square(ac);
+  t.bc2 = square(bc);
+  t.element = static_cast<double>(element);
+  const double n2 = square(n);
+  t.inverse = 1 / n2;
+  t.thin = !(n2 > kThin * t.ab2 * t.ac2);
+  t.plane = n2 > kFlat * t.ab2 * t.ac2 && n2 > 0;
+  if (!t.plane || !t.thin) return t;
+  t.swap = t.ac2 > t.ab2;
+  const Vec3 &e = t.swap ? ac : ab, &f = t.swap ? ab : ac;
+  t.along2 = square(e);
+  t.share = dot(e, f) / t.along2;
+  const Vec3 across = f - t.share * e;
+  t.across2 = square(across);
+  t.refined = t.across2 > 0;
+  store(e, t.along);
+  store(across, t.across);
+  return t;
+}
+
+void nearestTriangles(const TriangleTest* tests, std::size_t testCount, const LaneQueries& queries, std::size_t count, LaneHits& hits) {
+  const NearestTask task{tests, testCount, queries, count, hits};
+  switch (simdLevel()) {
+    case SimdLevel::Avx512: return avx512::nearest(task);
+    case SimdLevel::Avx2: return avx2::nearest(task);
+    case SimdLevel::Baseline: return baseline::nearest(task);
+  }
+}
+
+}  // namespace fielddeform::spatial::detail
