@@ -31,6 +31,7 @@ struct Errors {
 };
 
 // With R = 1 and voxels of at most 0.1 the grid alone counts from 0.45 on.
+constexpr std::size_t kPoints = 250;
 constexpr double kFrom = 0.46, kTo = 0.97;
 
 std::optional<Exact> within(double d, const Vec3& gradient, double to = kTo) {
@@ -94,7 +95,7 @@ std::vector<Case> cases() {
 Errors errorsOf(const Case& c, double voxel, Sampling sampling, GridOf of) {
   std::vector<Vec3> points;
   std::vector<Exact> exact;
-  for (std::uint64_t i = 0; points.size() < 600; ++i) {
+  for (std::uint64_t i = 0; points.size() < kPoints; ++i) {
     const Vec3 p = randomPoint(41, i, 1.4);
     if (const auto e = c.exact(p)) points.push_back(p), exact.push_back(*e);
   }
@@ -117,8 +118,8 @@ Errors errorsOf(const Case& c, double voxel, Sampling sampling, GridOf of) {
     e.gradient += (v.gradient - exact[i].gradient).squaredNorm();
   }
   EXPECT_LE(e.worst, *report.smoothError) << c.name;
-  e.value = std::sqrt(e.value / 600);
-  e.gradient = std::sqrt(e.gradient / 600);
+  e.value = std::sqrt(e.value / kPoints);
+  e.gradient = std::sqrt(e.gradient / kPoints);
   return e;
 }
 
