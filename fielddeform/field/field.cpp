@@ -1,5 +1,6 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
+#include <fielddeform/field/detail/blend_grid.h>
 #include <fielddeform/field/detail/distance_source.h>
 #include <fielddeform/field/field.h>
 #include <fielddeform/field/potential.h>
@@ -29,6 +30,12 @@ void FieldOptions::validate() const {
   requireInRange("sharpness", sharpness, 1e-3, 500);
   if (referenceRadius) requirePositive("referenceRadius", *referenceRadius);
   distance.validate();
+}
+
+FieldOptions FieldOptions::after(const Field& other) const {
+  FieldOptions options = *this;
+  options.distance.grid.takenMegabytes += other.gridMegabytes();
+  return options;
 }
 
 struct Field::Impl {
@@ -65,10 +72,15 @@ struct Field::Impl {
   Kernel own;
   std::vector<Term> terms;
   double reference = 1;  // R
+  std::unique_ptr<const detail::BlendGrid> grid;  // of the whole field; null: none
+  std::optional<DistanceReport> gridReport;
 
-  Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o);
-  void makeSources(const skeleton::Skeleton& skeleton);
+  Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o, Points around);
+  void makeSources(const skeleton::Skeleton& skeleton, Points around);
+  void makeBlendGrid(Points around);
   FieldValue evaluate(const Vec3& point) const;
+  FieldValue evaluateExactly(const Vec3& point) const;
+  FieldValue blended(const detail::Relative& d) const;
   void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const;
   void add(const Term& t, const detail::Relative& near, Blend& blend) const;
   bool finish(const Blend& blend, FieldValue& value) const;
@@ -76,7 +88,7 @@ struct Field::Impl {
   void extend(const Vec3& point, FieldValue& value) const;
 };
 
-Field::Impl::Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o)
+Field::Impl::Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o, Points around)
     : options(o), own(o.potential, o.sharpness) {
   double greatest = 0, greatestWeighted = 0;
   for (const auto& p : skeleton.primitives) {
@@ -90,19 +102,36 @@ Field::Impl::Impl(const skeleton::Skeleton& skeleton, const FieldOptions& o)
     if (p.weight > 0) greatestWeighted = std::max(greatestWeighted, r);
   }
   reference = o.referenceRadius.value_or(greatestWeighted > 0 ? greatestWeighted : greatest);
-  if (o.distance.kind != Distance::Exact) makeSources(skeleton);
+  if (o.distance.kind != Distance::Exact) makeSources(skeleton, around);
 }
 
-void Field::Impl::makeSources(const skeleton::Skeleton& skeleton) {
-  double megabytes = options.distance.grid.maxMegabytes;
+void Field::Impl::makeSources(const skeleton::Skeleton& skeleton, Points around) {
+  const GridOptions& g = options.distance.grid;
+  if (g.around == GridAround::Influence) around = {};
+  if (options.distance.kind == Distance::Grid && g.of == GridOf::Blend) return makeBlendGrid(around);
+  detail::GridBudget budget(g);
   for (std::size_t i = 0; i < terms.size(); ++i) {
     Term& t = terms[i];
     if (!(t.weight > 0)) continue;
     if (options.distance.kind == Distance::Grid)
-      t.source = detail::makeGridDistance(t.distance, skeleton.primitives[i].name, options.distance.grid, megabytes, t.report);
+      t.source = detail::makeGridDistance(t.distance, skeleton.primitives[i].name, g, around, budget, t.report);
     else
       t.source = detail::makeVariationalDistance(t.distance, skeleton.primitives[i], options.distance.variational, t.report);
   }
+}
+
+void Field::Impl::makeBlendGrid(Points around) {
+  detail::BlendSource source{{}, reference, options.sharpness, true, [this](const Vec3& p) { return evaluateExactly(p).pseudoDistance; }};
+  for (const Term& t : terms) {
+    if (!(t.weight > 0)) continue;
+    source.parts.push_back({&t.distance, t.weight});
+    source.exponential = source.exponential && t.kernel.potential() == skeleton::Potential::Exponential;
+  }
+  source.exponential = source.exponential && own.potential() == skeleton::Potential::Exponential;
+  if (source.parts.empty()) return;
+  detail::GridBudget budget(options.distance.grid);
+  gridReport.emplace();
+  grid = std::make_unique<const detail::BlendGrid>(std::move(source), options.distance.grid, around, budget, *gridReport);
 }
 
 // One primitive more.
@@ -151,7 +180,24 @@ void Field::Impl::extend(const Vec3& point, FieldValue& value) const {
   value.pseudoDistance = reference * best;
 }
 
+// A field value of its pseudo-distance alone.
+FieldValue Field::Impl::blended(const detail::Relative& d) const {
+  FieldValue value{0, d.value, d.gradient, d.value < reference};
+  if (value.inside) value.sum = own.value(options.sharpness * (d.value / reference));
+  else if (options.extension == Extension::None) value.pseudoDistance = reference, value.gradient.setZero();
+  return value;
+}
+
 FieldValue Field::Impl::evaluate(const Vec3& point) const {
+  if (!grid || !point.allFinite()) return evaluateExactly(point);
+  const auto sample = grid->at(point);
+  if (!sample) return evaluateExactly(point);
+  if (sample->share >= 1) return blended(sample->blend);
+  const FieldValue exact = evaluateExactly(point);
+  return blended(detail::mix({exact.pseudoDistance, exact.gradient}, sample->blend, sample->share, sample->shareGradient));
+}
+
+FieldValue Field::Impl::evaluateExactly(const Vec3& point) const {
   FieldValue value;
   value.pseudoDistance = kInfinity;
   if (!point.allFinite()) return value;
@@ -173,6 +219,10 @@ void Field::Impl::beyond(const Vec3& point, FieldValue& value) const {
 
 void Field::Impl::evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const {
   const std::size_t n = points.size();
+  if (grid) {
+    for (std::size_t i = 0; i < n; ++i) out[i] = evaluate(points[i]);
+    return;
+  }
   std::array<Blend, kTogether> blends;
   std::array<PrimitiveHit, kTogether> hits;
   for (std::size_t k = 0; k < terms.size(); ++k) {
@@ -194,10 +244,10 @@ void Field::Impl::evaluateTogether(Points points, std::span<FieldValue> out, Sea
   }
 }
 
-Field::Field(const skeleton::Skeleton& skeleton, const FieldOptions& options) {
+Field::Field(const skeleton::Skeleton& skeleton, const FieldOptions& options, Points around) {
   options.validate();
   skeleton::validate(skeleton);
-  impl_ = std::make_unique<Impl>(skeleton, options);
+  impl_ = std::make_unique<Impl>(skeleton, options, around);
 }
 Field::~Field() = default;
 Field::Field(Field&&) noexcept = default;
@@ -251,6 +301,14 @@ double Field::pseudoDistanceOf(double sum) const {
 }
 
 const DistanceReport& Field::distanceReport(std::size_t primitive) const { return impl_->terms.at(primitive).report; }
+
+const std::optional<DistanceReport>& Field::blendReport() const noexcept { return impl_->gridReport; }
+
+double Field::gridMegabytes() const noexcept {
+  double sum = impl_->gridReport ? impl_->gridReport->megabytes : 0;
+  for (const auto& t : impl_->terms) sum += t.report.megabytes;
+  return sum;
+}
 
 PrimitiveHit Field::closest(std::size_t primitive, const Vec3& point) const {
   if (const auto hit = impl_->terms.at(primitive).distance.closest(point)) return *hit;

@@ -23,6 +23,8 @@ struct FieldOptions {
   DistanceOptions distance = {};             ///< exact, or what stands in for it where a primitive reaches
   std::optional<double> referenceRadius = {};  ///< R, the unit of D, world; absent: the field's own greatest radius
   void validate() const;                     ///< @throw std::invalid_argument
+  /// The same, for a field whose grids share their memory with another's.
+  FieldOptions after(const class Field& other) const;
 };
 
 /// Closest point on one primitive.
@@ -55,10 +57,12 @@ using SearchHints = std::vector<spatial::ClosestTree::BlockHint>;
 class Field {
  public:
   /// Grids and radial functions are made here: that takes time and memory.
+  /// @param around  points at which the field will be asked: grids that follow a mesh (GridAround::Mesh) have voxels only
+  ///        near them, and elsewhere the field is exact. None: wherever the skeleton reaches
   /// @throw std::invalid_argument if the skeleton is invalid, a primitive has neither radius nor radii per point, a
   ///        weight exceeds 1e40, an option is out of range, or the grids would exceed their memory
   /// @throw std::runtime_error if grids are asked of a build without OpenVDB
-  explicit Field(const skeleton::Skeleton& skeleton, const FieldOptions& options = {});
+  explicit Field(const skeleton::Skeleton& skeleton, const FieldOptions& options = {}, Points around = {});
   ~Field();
   Field(Field&&) noexcept;
   Field& operator=(Field&&) noexcept;
@@ -79,8 +83,11 @@ class Field {
   /// D of a sum S > 0, as evaluate() computes it: the inverse of the field's own potential, world.
   double pseudoDistanceOf(double sum) const;
 
-  /// What stands behind the distance of primitive i.
+  /// What stands behind the distance of primitive i; exact where one grid holds the whole field.
   const DistanceReport& distanceReport(std::size_t primitive) const;
+  /// The grid of the whole field (GridOf::Blend), if there is one.
+  const std::optional<DistanceReport>& blendReport() const noexcept;
+  double gridMegabytes() const noexcept;            ///< of all its grids
 
   /// Unsigned or signed exact closest point on primitive i, whatever the distance option. A closed mesh contains the points whose winding number is
   /// beyond 1/2 in either sense, so that small holes and an inside-out orientation do no harm.

@@ -24,6 +24,7 @@ detail::VdbGrid sampleField(const Field& field, double voxel, double megabytes, 
   const detail::Lattice lattice = detail::latticeOf(field, voxel);
   const std::vector<detail::Cell> corners =
       detail::coverField(field, lattice, 1, kBorder, {megabytes, detail::VdbGrid::kBytesEach, what});
+  detail::requireBudget({megabytes, detail::VdbGrid::kBytesEach, what}, voxel, detail::VdbGrid::megabytesOf(corners));
   detail::VdbGrid grid(lattice, corners, static_cast<float>(field.referenceRadius()));
   parallelFor(corners.size(), 4, progress, [&](std::size_t begin, std::size_t end) {
     for (std::size_t b = begin; b < end; ++b) {

@@ -38,6 +38,12 @@ skeleton::SkeletonPair stepOf(const skeleton::SkeletonPair& pair, int i, skeleto
   return step;
 }
 
+// Where only closest points are asked for.
+field::FieldOptions exactly(field::FieldOptions options) {
+  options.distance = {};
+  return options;
+}
+
 bool allMatched(const skeleton::SkeletonPair& pair) {
   for (const auto& p : pair.pairs)
     if (p.kind != skeleton::PairKind::Matched) return false;
@@ -59,18 +65,38 @@ struct GffdMap::Impl {
     // Poses on the way exist only where every primitive has its correspondence.
     const int steps = allMatched(pair) && !asPrinted(options.predictor) ? options.substeps : 1;
     std::shared_ptr<const Embedding> from = embedding;
+    std::optional<detail::Around> around = following();
+    Options stageOptions = options;
+    stageOptions.field = options.field.after(*embedding->field);
+    if (embedding->moving && embedding->moving != embedding->field) stageOptions.field = stageOptions.field.after(*embedding->moving);
     skeleton::Skeleton last = pair.rest;
     for (int i = 1; i <= steps; ++i) {
       skeleton::Skeleton next = i == steps ? pair.posed
                                            : skeleton::interpolatePose(pair, static_cast<double>(i) / steps);
       const skeleton::SkeletonPair step = stepOf(pair, i, last, next);
-      if (i > 1) from = detail::makeEmbedding(step, options.field);
-      stages.push_back(std::make_shared<const Stage>(*from, step, options));
+      if (i > 1) from = detail::makeEmbedding(step, exactly(options.field));
+      stages.push_back(std::make_shared<const Stage>(*from, step, stageOptions, around ? &*around : nullptr));
+      stageOptions.field = stageOptions.field.after(stages.back()->posedField());
       last = std::move(next);
     }
     identity = steps == 1 && stages[0]->rigid() && stages[0]->rigid()->translation.isZero(0) &&
                stages[0]->rigid()->rotation.isApprox(Quat::Identity(), 0) && unedited();
     if (options.predictor == Predictor::Warp && !identity) makeWarp();
+  }
+
+  // The mesh's movable vertices with their values, where grids follow them.
+  std::optional<detail::Around> following() const {
+    if (!resolved.around || asPrinted(resolved.options.predictor)) return std::nullopt;
+    const std::vector<Vec3>& all = *resolved.around;
+    std::vector<Value> values(all.size());
+    parallelFor(all.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        values[i] = all[i].allFinite() ? detail::bindOne(*embedding, all[i]) : Value{std::nan(""), 0};
+    });
+    detail::Around a;
+    for (std::size_t i = 0; i < all.size(); ++i)
+      if (!std::isnan(values[i].level)) a.points.push_back(all[i]), a.values.push_back(values[i]);
+    return a;
   }
 
   // The rigid motion of an empty moving part is the identity too, but its field changed.
@@ -270,6 +296,24 @@ GffdMap GffdMap::withPredictor(Predictor predictor) const {
   ResolvedOptions resolved = impl_->resolved;
   resolved.options.predictor = predictor;
   return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding));
+}
+
+std::vector<NamedDistance> GffdMap::distanceReports() const {
+  std::vector<NamedDistance> out;
+  const auto add = [&](const std::string& pose, const field::Field& f, const skeleton::Skeleton& s) {
+    if (f.blendReport()) out.push_back({pose, {}, *f.blendReport()});
+    for (std::size_t i = 0; i < f.primitiveCount(); ++i)
+      if (f.distanceReport(i).kind != field::Distance::Exact) out.push_back({pose, s.primitives[i].name, f.distanceReport(i)});
+  };
+  const auto& pair = impl_->resolved.skeletons;
+  const Embedding& e = *impl_->embedding;
+  add("rest", *e.field, pair.rest);
+  if (e.moving && e.moving != e.field) add("rest, moving part", *e.moving, detail::movingPart(pair).rest);
+  const std::size_t n = impl_->stages.size();
+  // Poses on the way stand in the posed skeleton's order.
+  for (std::size_t i = 0; i < n; ++i)
+    add(i + 1 == n ? "posed" : fmt::format("posed {}/{}", i + 1, n), impl_->stages[i]->posedField(), pair.posed);
+  return out;
 }
 
 std::size_t GffdMap::countPierced(const map::Binding& binding) const {

@@ -4,9 +4,17 @@
 #include <fielddeform/map/space_map.h>
 
 #include <memory>
+#include <string>
 #include <vector>
 
 namespace fielddeform::gffd {
+
+/// What stands behind one distance of a map's fields.
+struct NamedDistance {
+  std::string pose;           ///< "rest", "posed", "posed 1/4" of substeps, "rest, moving part" where primitives are removed
+  std::string primitive;      ///< its name; empty: one grid of the whole field
+  field::DistanceReport report;
+};
 
 /// GFFD as a map of space: points keep their value in the field while the skeleton goes from rest to posed.
 /// Embedding (bind) depends on the rest skeleton only, so one binding serves every pose. [Qin et al. 2003]
@@ -45,6 +53,8 @@ class GffdMap final : public map::SpaceMap {
   GffdMap withPredictor(Predictor predictor) const;
 
   const ResolvedOptions& resolved() const noexcept;
+  /// What became of variational and grid distances; empty where they are exact.
+  std::vector<NamedDistance> distanceReports() const;
   /// True if every bound point comes back as it went in (nothing was edited).
   bool isIdentity() const noexcept;
   /// Bound points outside the rest field that lie inside the posed one: the skeleton was moved into them.

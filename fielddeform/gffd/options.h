@@ -76,6 +76,7 @@ struct ResolvedOptions {
   double sampledStretch = 0;        ///< greatest edge stretch of the chosen predictor on the sample; 0: not sampled
   double referenceRadius = 0;       ///< R of the rest skeleton, world
   std::string predictorReason{};    ///< one sentence for the report: why this predictor
+  std::shared_ptr<const std::vector<Vec3>> around{};     ///< the mesh's vertices, where distance grids follow them; else null
   std::shared_ptr<const detail::Embedding> embedding{};  ///< fields made on the way, reused by the map; may be null
 };
 

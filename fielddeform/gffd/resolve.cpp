@@ -121,6 +121,7 @@ Trial tryPredictor(Predictor predictor, const ResolvedOptions& base, const mesh:
   ResolvedOptions r = base;
   r.options.predictor = predictor;
   r.options.evaluation = Evaluation::Exact;
+  if (r.around) r.around = std::make_shared<const std::vector<Vec3>>(sample.positions().begin(), sample.positions().end());
   if (r.options.falloff == Falloff::Auto) r.options.falloff = Falloff::Off;
   const GffdMap map(r);
   const auto binding = map.bind(sample.positions());
@@ -173,6 +174,13 @@ Evaluation chooseEvaluation(const mesh::Mesh& mesh, const ResolvedOptions& r) {
   return cells * kVerticesPerCell <= n ? Evaluation::Grid : Evaluation::Exact;
 }
 
+// Grids near the vertices. The paper's trackers go their own ways between the poses: theirs reach everywhere.
+bool followsMesh(const Options& options) {
+  const auto& d = options.field.distance;
+  return d.kind == field::Distance::Grid && d.grid.around == field::GridAround::Mesh && options.predictor != Predictor::Warp &&
+         options.predictor != Predictor::Gradient;
+}
+
 // Vertices that are not finite have no value to tear away from: they do not count.
 bool joinsMovableAndFixed(const mesh::Mesh& mesh, const detail::GffdBinding& binding) {
   const auto differs = [&](std::span<const Index> vertices) {
@@ -215,7 +223,8 @@ ResolvedOptions resolve(const Options& options, const mesh::Mesh& mesh, const sk
     r.options.guard = false;
     r.options.falloff = Falloff::Off;
   }
-  r.embedding = detail::makeEmbedding(r.skeletons, options.field);
+  if (followsMesh(options)) r.around = std::make_shared<const std::vector<Vec3>>(mesh.positions().begin(), mesh.positions().end());
+  r.embedding = detail::makeEmbedding(r.skeletons, options.field, r.around ? Points(*r.around) : Points());
   r.referenceRadius = r.embedding->radius;
   choosePredictor(r, mesh);
   if (r.options.evaluation == Evaluation::Auto) r.options.evaluation = chooseEvaluation(mesh, r);

@@ -88,6 +88,8 @@ class GffdMethod final : public Method {
     r.predictorReason = resolved.predictorReason;
     r.evaluation = map_->usesGrid() ? "grid" : "exact";
     r.evaluated = evaluated_;
+    r.distances = map_->distanceReports();
+    r.gridOptions = resolved.options.field.distance.grid;
     r.referenceRadius = resolved.referenceRadius;
     r.tolerance = resolved.options.tolerance * resolved.referenceRadius;
   }

@@ -1,4 +1,3 @@
-#include <fielddeform/core/json_writer.h>
 #include <fielddeform/core/version.h>
 #include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/report.h>
@@ -121,6 +120,35 @@ void writePredictor(JsonWriter& json, const Report& report) {
 
 }  // namespace
 
+void writeDistances(JsonWriter& json, const std::vector<gffd::NamedDistance>& distances, const field::GridOptions& grid) {
+  if (distances.empty()) return;
+  const bool isGrid = distances[0].report.kind == field::Distance::Grid;
+  json.key("distance").beginObject().member("used", field::toString(distances[0].report.kind));
+  if (isGrid) {
+    double megabytes = 0;
+    for (const auto& d : distances) megabytes += d.report.megabytes;
+    json.member("of", field::toString(grid.of)).member("sampling", field::toString(grid.sampling));
+    json.member("memory_mb", megabytes).member("memory_limit_mb", grid.maxMegabytes);
+  }
+  json.key(isGrid ? "grids" : "fits").beginArray();
+  for (const auto& d : distances) {
+    const field::DistanceReport& r = d.report;
+    json.beginObject(JsonLayout::Inline).member("pose", d.pose).key("primitive");
+    if (d.primitive.empty()) json.null();
+    else json.value(d.primitive);
+    if (isGrid) {
+      json.member("voxel", r.voxel).member("voxels", r.voxels).member("memory_mb", r.megabytes).member("exact_within", r.exactWithin);
+      writeNumber(json, "error_bound", r.smoothError);
+      writeNumber(json, "error_bound_at_kinks", r.kinkError);
+      json.member("error_measured", r.measuredError);
+    } else {
+      json.member("centres", r.centres).member("levels", r.levels).member("residual", r.residual);
+    }
+    json.end();
+  }
+  json.end().end();
+}
+
 std::string toJson(const Report& report) {
   JsonWriter json;
   json.beginObject();
@@ -129,6 +157,7 @@ std::string toJson(const Report& report) {
   json.member("method", report.method).key("predictor");
   if (report.predictor.empty()) json.null();
   else writePredictor(json, report);
+  writeDistances(json, report.distances, report.gridOptions);
   if (report.fit) {
     json.key("fit").beginObject(JsonLayout::Inline).member("found", report.fit->found).member("pairs", report.fit->pairs);
     writeNumber(json, "rms", report.fit->rms);

@@ -1,8 +1,9 @@
 #pragma once
 
+#include <fielddeform/core/json_writer.h>
 #include <fielddeform/map/sculpt.h>
 #include <fielddeform/core/status.h>
-#include <fielddeform/gffd/evaluation.h>
+#include <fielddeform/gffd/gffd_map.h>
 #include <fielddeform/volume/local.h>
 
 #include <optional>
@@ -58,12 +59,14 @@ struct RunFacts {
 
 /// What a run did. docs/report.md explains every entry.
 struct Report {
+  field::GridOptions gridOptions{};   ///< as asked for; means something where `distances` has grids
   std::string options;                ///< JSON object: the scene that was run, every choice resolved, without paths
   std::string method = "gffd";        ///< methodOf() the scene
   std::string predictor;              ///< the tracker's word; empty for methods that have none
   std::string predictorReason;        ///< why it was chosen
   std::string evaluation;             ///< "exact", "grid": how its predictions were made
   gffd::EvaluationCounts evaluated{}; ///< which way the movable vertices of the input went
+  std::vector<gffd::NamedDistance> distances{};  ///< variational and grid distances; empty where they are exact
   std::optional<FitReport> fit{};     ///< absent for methods that fit nothing
   std::size_t vertices = 0;           ///< of the output
   std::size_t faces = 0;              ///< of the output
@@ -81,6 +84,9 @@ struct Report {
   std::vector<std::string> warnings;  ///< sentences
   RunFacts run;
 };
+
+/// What became of variational or grid distances, as a member "distance" of the open object; nothing if there are none.
+void writeDistances(JsonWriter& json, const std::vector<gffd::NamedDistance>& distances, const field::GridOptions& grid);
 
 /// The report as JSON text.
 std::string toJson(const Report& report);

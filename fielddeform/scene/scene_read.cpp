@@ -148,6 +148,9 @@ void readDistance(const JsonValue& object, field::DistanceOptions& d) {
     d.grid.tolerance = d.variational.tolerance = tolerance->inRange(1e-6, 0.1);
   if (const auto sampling = given(object, "sampling"))
     d.grid.sampling = static_cast<field::Sampling>(sampling->word({"trilinear", "quadratic"}));
+  if (const auto of = given(object, "grid_of")) d.grid.of = static_cast<field::GridOf>(of->word({"primitives", "blend"}));
+  if (const auto around = given(object, "grid_around"))
+    d.grid.around = static_cast<field::GridAround>(around->word({"mesh", "influence"}));
   if (const auto memory = given(object, "memory_mb")) d.grid.maxMegabytes = memory->inRange(1e-3, 1e9);
   if (const auto centres = given(object, "centres")) d.variational.centres = centres->integer(16, 100000);
   if (const auto smoothing = given(object, "smoothing")) d.variational.smoothing = smoothing->inRange(0, 1e12);
@@ -158,8 +161,8 @@ void readField(const JsonValue& object, MethodKind method, field::FieldOptions& 
     object.allowKeys({"distance", "potential", "sharpness"});
     if (const auto kind = given(object, "distance")) kind->word({"exact"});
   }
-  object.allowKeys({"distance", "potential", "sharpness", "voxel", "distance_tolerance", "sampling", "memory_mb", "centres",
-                    "smoothing"});
+  object.allowKeys({"distance", "potential", "sharpness", "voxel", "distance_tolerance", "sampling", "grid_of", "grid_around",
+                    "memory_mb", "centres", "smoothing"});
   readDistance(object, field.distance);
   if (const auto potential = given(object, "potential"))
     field.potential =

@@ -114,6 +114,7 @@ void writeDistance(JsonWriter& json, const field::DistanceOptions& d) {
   if (d.kind == field::Distance::Grid) {
     if (d.grid.voxel) json.member("voxel", *d.grid.voxel);
     json.member("distance_tolerance", d.grid.tolerance).member("sampling", field::toString(d.grid.sampling));
+    json.member("grid_of", field::toString(d.grid.of)).member("grid_around", field::toString(d.grid.around));
     json.member("memory_mb", d.grid.maxMegabytes);
   } else if (d.kind == field::Distance::Variational) {
     json.member("centres", d.variational.centres).member("smoothing", d.variational.smoothing);

@@ -81,7 +81,7 @@ TEST_F(Grid, AtKinksTheErrorStaysWithinItsBound) {
   for (const Primitive& p : {cage, polyline("l", wavyLine(8), 0.8), patch("m", 3, 0.8), pointSet("p", wavyLine(4), 0.7)}) {
     const double voxel = 0.06;
     const Field grid(of({p}), gridOf(voxel)), exact(of({p}));
-    const double bound = grid.distanceReport(0).kinkError;
+    const double bound = *grid.distanceReport(0).kinkError;
     EXPECT_NEAR(bound, std::sqrt(0.75) * voxel, 1e-6);
     for (std::uint64_t i = 0; i < 3000; ++i) {
       const Vec3 x = randomPoint(22, i, 1.5);

@@ -7,6 +7,7 @@
 #include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 
@@ -116,6 +117,71 @@ TEST(VdbReader, TransformsAndClassesComeAlong) {
   }
   grid->setGridClass(openvdb::GRID_FOG_VOLUME);
   EXPECT_TRUE(detail::readVdbVolume(written({grid}, 0), "a.vdb", "", 100).fog);
+}
+
+// A world sphere of radius 1 about (1, 2, 3) in grids whose voxels are boxes of 0.1 by 0.2 by 0.05, turned twice.
+TEST(VdbReader, AnisotropicFogAndLevelSetsLieWhereTheyAreInTheWorld) {
+  openvdb::initialize();
+  const auto transform = openvdb::math::Transform::createLinearTransform();
+  transform->postScale({0.1, 0.2, 0.05});
+  transform->postRotate(0.6, openvdb::math::Z_AXIS);
+  transform->postRotate(-0.4, openvdb::math::X_AXIS);
+  transform->postTranslate({1, 2, 3});
+  auto fog = openvdb::FloatGrid::create(0), surface = openvdb::FloatGrid::create(0.6f);
+  for (int i = -20; i <= 20; ++i)
+    for (int j = -12; j <= 12; ++j)
+      for (int k = -40; k <= 40; ++k) {
+        const double d = (transform->indexToWorld(openvdb::Vec3d(i, j, k)) - openvdb::Vec3d(1, 2, 3)).length() - 1;
+        const double density = std::clamp(0.5 - d / 0.6, 0.0, 1.0);
+        if (density > 0) fog->tree().setValue({i, j, k}, static_cast<float>(density));
+        if (std::abs(d) < 0.6) surface->tree().setValue({i, j, k}, static_cast<float>(d));
+        else if (d < 0) surface->tree().setValueOff({i, j, k}, -0.6f);
+      }
+  fog->setGridClass(openvdb::GRID_FOG_VOLUME);
+  surface->setGridClass(openvdb::GRID_LEVEL_SET);
+  const auto vectors = openvdb::Vec3SGrid::create();
+  vectors->tree().setValue({1, 2, 3}, openvdb::Vec3s(1, 2, 3));
+  vectors->setName("vectors");
+  fog->setName("fog");
+  surface->setName("surface");
+  for (const auto& grid : {fog, surface}) {
+    grid->setTransform(transform->copy());
+    for (const bool mirrored : {false, true}) {
+      if (mirrored) grid->transform().preScale({1, 1, -1});
+      for (const bool half : {false, true}) {
+        grid->setSaveFloatAsHalf(half);
+        const mesh::Mesh m = parseVdbSurface(written({vectors, grid}, openvdb::io::COMPRESS_BLOSC), "odd.vdb");
+        ASSERT_GT(m.vertexCount(), 500u);
+        double volume = 0;
+        for (std::size_t f = 0; f < m.faceCount(); ++f) {
+          const auto c = m.face(f);
+          const auto at = [&](std::size_t k) { return Vec3(m.positions()[c[k]] - Vec3(1, 2, 3)); };
+          volume += at(0).dot(at(1).cross(at(2))) / 6;
+        }
+        EXPECT_NEAR(volume, 4.18879, 0.1) << grid->getName() << mirrored;  // outwards; chords of voxels up to 0.2
+        // Linear interpolation of a distance over boxes of that size: 0.23^2 / 8, and half floats.
+        for (const Vec3& p : m.positions()) EXPECT_NEAR((p - Vec3(1, 2, 3)).norm(), 1, 0.012) << grid->getName();
+      }
+    }
+  }
+}
+
+TEST(VdbReader, GridsWithoutASurfaceAreNamed) {
+  openvdb::initialize();
+  const auto empty = openvdb::FloatGrid::create(0);
+  empty->setName("nothing");
+  const auto message = [](const std::string& bytes) -> std::string {
+    try {
+      parseVdbSurface(bytes, "e.vdb");
+    } catch (const IoError& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_NE(message(written({empty}, 0)).find("\"nothing\""), std::string::npos) << message(written({empty}, 0));
+  empty->setGridClass(openvdb::GRID_FOG_VOLUME);
+  EXPECT_NE(message(written({empty}, 0)).find("does not take the value 0.5"), std::string::npos);
+  EXPECT_NE(message(written({}, 0)), "");
 }
 
 TEST(VdbReader, ASurfaceThatPassesBetweenTilesIsFound) {

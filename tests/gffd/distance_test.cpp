@@ -52,6 +52,81 @@ TEST(Distances, AGridsResultConvergesToTheExactOneWithTheSquareOfTheVoxel) {
   }
 }
 
+skeleton::Skeleton twoOf(const skeleton::Skeleton& s, const Vec3& aside) {
+  skeleton::Skeleton two = s;
+  two.primitives.push_back(s.primitives[0]);
+  two.primitives[1].name = "second";
+  for (Vec3& p : two.primitives[1].points) p += aside;
+  return two;
+}
+
+TEST(Distances, AGridOfTheBlendConvergesToo) {
+  if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
+  auto c = fielddeform::tests::makeCase("bend90");
+  c.rest = twoOf(c.rest, Vec3(0.1, 0.05, 0));
+  c.posed = twoOf(c.posed, Vec3(0.1, 0.05, 0));
+  const std::vector<Vec3> points = someOf(c.mesh, 30);
+  const std::vector<Vec3> exact = posedBy(c, points, {});
+  std::vector<double> errors;
+  for (const double voxel : {0.04, 0.02, 0.01}) {
+    Options o = withDistance(field::Distance::Grid, voxel);
+    o.field.distance.grid.of = field::GridOf::Blend;
+    errors.push_back(rms(posedBy(c, points, o), exact));
+  }
+  // The closest frame jumps between the two lines: there the blend has a kink, and the error is of first order.
+  EXPECT_GT(errors[0] / errors[1], 2);
+  EXPECT_GT(errors[1] / errors[2], 2);
+  EXPECT_LT(errors[2], 3e-4);
+}
+
+// Grids near the vertices hold the samples of grids wherever the skeleton reaches: the tracker asks for little else.
+TEST(Distances, GridsNearTheMeshGiveTheSameWithLessMemory) {
+  if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
+  const auto c = fielddeform::tests::makeCase("bend90");
+  for (const field::GridOf of : {field::GridOf::Primitives, field::GridOf::Blend}) {
+    std::vector<Vec3> position[2];
+    double megabytes[2] = {0, 0};
+    for (const auto around : {field::GridAround::Mesh, field::GridAround::Influence}) {
+      Options o = withDistance(field::Distance::Grid, 0.02);
+      o.field.distance.grid.of = of;
+      o.field.distance.grid.around = around;
+      const Deformed d = track(c.mesh, c.rest, c.posed, o);
+      position[static_cast<int>(around)] = d.position;
+      const auto reports = d.map.distanceReports();
+      ASSERT_EQ(reports.size(), 2u);
+      EXPECT_EQ(reports[0].pose, "rest");
+      EXPECT_EQ(reports[1].pose, "posed");
+      EXPECT_EQ(reports[0].primitive, of == field::GridOf::Blend ? "" : c.rest.primitives[0].name);
+      for (const auto& r : reports) {
+        EXPECT_GT(r.report.voxels, 0u);
+        megabytes[static_cast<int>(around)] += r.report.megabytes;
+      }
+    }
+    EXPECT_LT(megabytes[0], 0.6 * megabytes[1]);
+    // Where a step of the corrector left the grid it met the exact field, which differs by the grid's error.
+    EXPECT_LT(rms(position[0], position[1]), 1e-6);
+  }
+}
+
+TEST(Distances, MemoryIsCountedOverTheFieldsOfAMap) {
+  if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
+  const auto c = fielddeform::tests::makeCase("bend90");
+  Options o = withDistance(field::Distance::Grid, 0.02);
+  const Deformed d = track(c.mesh, c.rest, c.posed, o);
+  double rest = 0, all = 0;
+  for (const auto& r : d.map.distanceReports()) {
+    all += r.report.megabytes;
+    if (r.pose == "rest") rest += r.report.megabytes;
+  }
+  o.field.distance.grid.maxMegabytes = 0.5 * (rest + all);  // enough for the field at rest alone
+  try {
+    track(c.mesh, c.rest, c.posed, o);
+    FAIL();
+  } catch (const std::invalid_argument& problem) {
+    EXPECT_NE(std::string(problem.what()).find("what other grids left of"), std::string::npos) << problem.what();
+  }
+}
+
 TEST(Distances, OnAStraightSkeletonAGridsErrorCancels) {
   if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
   // Rest and posed line have the same cross-section and the same voxels across it.

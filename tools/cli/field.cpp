@@ -1,8 +1,11 @@
 // fielddeform field: the scalar field of a skeleton as a volume, as isosurfaces, or as pictures of slices.
+#include <fielddeform/core/atomic_file.h>
+#include <fielddeform/core/version.h>
 #include <fielddeform/field/potential.h>
 #include <fielddeform/field/vdb.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/render/color_map.h>
+#include <fielddeform/scene/report.h>
 #include <fielddeform/skeleton/edit.h>
 #include <fmt/format.h>
 
@@ -27,6 +30,7 @@ struct FieldCommand {
   field::VdbWriteOptions write;
   field::FieldOptions field;
   std::optional<double> radius;
+  std::string report;
   std::vector<double> isovalues;
   std::optional<Slice> slice;
   bool curve = false;
@@ -52,19 +56,39 @@ std::string extensionOf(const std::string& path) {
   return e;
 }
 
+std::string describeGrid(const field::DistanceReport& r) {
+  std::string bounds;
+  if (r.smoothError) bounds += fmt::format("error at most {:.4g}, ", *r.smoothError);
+  if (r.kinkError) bounds += fmt::format("at kinks at most {:.4g}, ", *r.kinkError);
+  return fmt::format("grid of {} voxels of {:.4g}, {:.4g} MB; exact within {:.4g}; {}measured at most {:.4g}", r.voxels, r.voxel,
+                     r.megabytes, r.exactWithin, bounds, r.measuredError);
+}
+
 void describe(const field::Field& field, const skeleton::Skeleton& skeleton, Terminal& terminal) {
+  if (field.blendReport()) terminal.print("whole field: " + describeGrid(*field.blendReport()));
   for (std::size_t i = 0; i < field.primitiveCount(); ++i) {
     const field::DistanceReport& r = field.distanceReport(i);
     const std::string name = fmt::format("{} \"{}\"", skeleton::toString(skeleton.primitives[i].type), skeleton.primitives[i].name);
     if (r.kind == field::Distance::Grid)
-      terminal.print(fmt::format("{}: grid of {} voxels of {:.4g}, {:.4g} MB; exact within {:.4g}; error {} {:.4g}{}", name, r.voxels,
-                                 r.voxel, r.megabytes, r.exactWithin, r.smoothError ? "at most" : "at kinks at most",
-                                 r.smoothError.value_or(r.kinkError),
-                                 r.smoothError ? fmt::format(", at kinks {:.4g}", r.kinkError) : ""));
+      terminal.print(name + ": " + describeGrid(r));
     else if (r.kind == field::Distance::Variational)
       terminal.print(fmt::format("{}: variational, {} centres{}, residual {:.4g}", name, r.centres,
                                  r.levels ? fmt::format(" in {} levels", r.levels) : "", r.residual));
   }
+}
+
+std::string reportOf(const field::Field& field, const skeleton::Skeleton& skeleton, const FieldCommand& o) {
+  std::vector<gffd::NamedDistance> distances;
+  if (field.blendReport()) distances.push_back({"rest", {}, *field.blendReport()});
+  for (std::size_t i = 0; i < field.primitiveCount(); ++i)
+    if (field.distanceReport(i).kind != field::Distance::Exact)
+      distances.push_back({"rest", skeleton.primitives[i].name, field.distanceReport(i)});
+  JsonWriter json;
+  json.beginObject().member("format", "fielddeform-field-report").member("version", kVersion);
+  json.member("primitives", field.primitiveCount()).member("radius", field.referenceRadius());
+  scene::writeDistances(json, distances, o.field.distance.grid);
+  json.end();
+  return json.text();
 }
 
 // All isosurfaces in one mesh; the attribute "isovalue" tells them apart.
@@ -188,6 +212,7 @@ int run(FieldCommand& o, Terminal& terminal) {
   const field::Field field(skeleton, o.field);
   describe(field, skeleton, terminal);
   for (const std::string& path : o.outputs) writeOne(path, field, skeleton, o, terminal);
+  if (!o.report.empty()) writeTextFile(o.report, reportOf(field, skeleton, o));
   return kDone;
 }
 
@@ -219,6 +244,7 @@ void addField(CLI::App& app, Session& session) {
   command->add_option("--width", options->width, "Pixels of a slice (default: 900)")->type_name("N")->check(within(16, 20000));
   command->add_flag("--primitives", options->write.primitives, "Volume: also a grid of each primitive's own distance");
   command->add_option("--units", options->write.units, "Volume: units that the file names (default: model units)")->type_name("TEXT");
+  command->add_option("--report", options->report, "Write a JSON report: grids with voxels, memory and error bounds")->type_name("FILE");
   addNumber(*command, "--radius", options->radius, "Influence radius of primitives that name none, model units");
   addWord(*command, "--potential", {"exponential", "gaussian", "metaball", "soft-object"},
           [options](std::size_t i) { options->field.potential = static_cast<skeleton::Potential>(i); },

@@ -67,7 +67,7 @@ void markOptions(CLI::App& command, BatchOptions& options) {
   };
   mark(MethodOption::Tracking, {"--track", "--warp-pairs", "--evaluation", "--no-corrector", "--tolerance", "--strict-value",
                                 "--no-guard", "--substeps", "--no-retry", "--resample-like", "--allow-residual", "--distance",
-                                "--voxel", "--distance-tolerance", "--sampling", "--distance-memory", "--centres", "--smoothing"});
+                                "--voxel", "--distance-tolerance", "--sampling", "--grid-of", "--grid-around", "--distance-memory", "--centres", "--smoothing"});
   mark(MethodOption::Falloff, {"--falloff"});
   mark(MethodOption::Potential, {"--potential", "--sharpness"});
 }
@@ -262,6 +262,9 @@ void addDistance(CLI::App& command, field::DistanceOptions& options) {
   addWord(command, "--sampling", {"trilinear", "quadratic"},
           [&options](std::size_t i) { options.grid.sampling = static_cast<field::Sampling>(i); },
           "grid: between the voxels (default: trilinear)")->group(group);
+  addWord(command, "--grid-of", {"primitives", "blend"},
+          [&options](std::size_t i) { options.grid.of = static_cast<field::GridOf>(i); },
+          "grid: one of each primitive's distance, or one of the whole field (default: primitives)")->group(group);
   command.add_option("--distance-memory", options.grid.maxMegabytes,
                      "grid: refuse to take more than this (default: 2048)")->type_name("MB")->check(within(1e-3, 1e9))->group(group);
   command.add_option("--centres", options.variational.centres,
@@ -277,7 +280,11 @@ void addBatchOptions(CLI::App& command, Session& session, BatchOptions& options,
   if (method == Method::Skeleton) {
     addMethod(command, options);
     addTracking(command, options);
-    addDistance(command, options.scene.tracking.field.distance);
+    field::DistanceOptions& distance = options.scene.tracking.field.distance;
+    addDistance(command, distance);
+    addWord(command, "--grid-around", {"mesh", "influence"},
+            [&distance](std::size_t i) { distance.grid.around = static_cast<field::GridAround>(i); },
+            "grid: voxels near the mesh only, or wherever the skeleton reaches (default: mesh)")->group("Distance");
   }
   addResampling(command, options, method);
   addVolume(command, options);

@@ -12,10 +12,16 @@ namespace {
 
 constexpr double kMostSide = 1 << 29;  // points: sums of two coordinates stay within 32 bits
 
-[[noreturn]] void refuse(const BlockBudget& budget, double voxel, double blocks) {
-  throw std::invalid_argument(fmt::format("{} needs about {:.4g} MB with voxels of {:.4g}, must be <= {:.4g} MB: a larger "
+[[noreturn]] void refuseMegabytes(const BlockBudget& budget, double voxel, double megabytes) {
+  const bool shared = budget.limit > budget.megabytes;
+  throw std::invalid_argument(fmt::format("{} needs about {:.4g} MB with voxels of {:.4g}, must be <= {:.4g} MB{}: a larger "
                                           "voxel or tolerance, or more memory",
-                                          budget.what, blocks * budget.bytesEach * 1e-6, voxel, budget.megabytes));
+                                          budget.what, megabytes, voxel, budget.megabytes,
+                                          shared ? fmt::format(", what other grids left of {:.4g} MB", budget.limit) : ""));
+}
+
+[[noreturn]] void refuse(const BlockBudget& budget, double voxel, double blocks) {
+  refuseMegabytes(budget, voxel, blocks * budget.bytesEach * 1e-6);
 }
 
 // Corners of the nodes of side `side` points that reach, of those given.
@@ -59,6 +65,52 @@ std::vector<Cell> coverBlocks(const Lattice& lattice, const Box& box, const Bloc
     nodes = std::move(halves);
   }
   std::sort(nodes.begin(), nodes.end());
+  return nodes;
+}
+
+void requireBudget(const BlockBudget& budget, double voxel, double megabytes) {
+  if (megabytes > budget.megabytes) refuseMegabytes(budget, voxel, megabytes);
+}
+
+namespace {
+
+void sortUnique(std::vector<Cell>& cells) {
+  std::sort(cells.begin(), cells.end());
+  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+}
+
+std::int32_t cornerOf(double coordinate) { return static_cast<std::int32_t>(std::floor(coordinate / kSide)) * kSide; }
+
+}  // namespace
+
+std::vector<Cell> coverPoints(const Lattice& lattice, Points points, double margin, const BlockBudget& budget,
+                              const std::function<bool(const Vec3&, double)>& reaches) {
+  constexpr std::size_t kMany = 1 << 22;  // listed before duplicates are dropped
+  std::vector<Cell> nodes;
+  std::size_t limit = kMany;
+  Cell lastLow{1, 1, 1}, lastHigh{1, 1, 1};  // no corner
+  for (const Vec3& p : points) {
+    const Vec3 u = lattice.local(p);
+    if (!u.allFinite() || !(u.cwiseAbs().maxCoeff() < kMostSide / 2)) continue;
+    Cell low, high;
+    for (int k = 0; k < 3; ++k) {
+      low[static_cast<std::size_t>(k)] = cornerOf(u[k] - margin);
+      high[static_cast<std::size_t>(k)] = cornerOf(u[k] + margin);
+    }
+    if (low == lastLow && high == lastHigh) continue;  // a mesh's vertices often lie beside the last ones
+    lastLow = low;
+    lastHigh = high;
+    for (std::int32_t x = low[0]; x <= high[0]; x += kSide)
+      for (std::int32_t y = low[1]; y <= high[1]; y += kSide)
+        for (std::int32_t z = low[2]; z <= high[2]; z += kSide) nodes.push_back({x, y, z});
+    if (nodes.size() < limit) continue;
+    sortUnique(nodes);
+    limit = std::max(kMany, 2 * nodes.size());
+  }
+  sortUnique(nodes);
+  nodes = keep(nodes, lattice, kSide, reaches);
+  if (static_cast<double>(nodes.size()) > budget.megabytes * 1e6 / budget.bytesEach)
+    refuse(budget, lattice.voxel, static_cast<double>(nodes.size()));
   return nodes;
 }
 

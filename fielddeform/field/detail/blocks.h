@@ -34,6 +34,7 @@ struct BlockBudget {
   double megabytes = 0;
   double bytesEach = 0;
   std::string what;  ///< "the grid of \"spine\""
+  double limit = 0;  ///< of all that share the memory, where `megabytes` is what is left of it; 0: the same
 };
 
 /// The blocks (8^3 points, corners at multiples of 8) that may hold something, sorted; found by halving a box, so that
@@ -43,6 +44,15 @@ struct BlockBudget {
 /// @throw std::invalid_argument with the number of megabytes if there are more blocks than the budget allows, or the box
 ///        has more than 2^29 points a side
 std::vector<Cell> coverBlocks(const Lattice& lattice, const Box& box, const BlockBudget& budget,
+                              const std::function<bool(const Vec3& centre, double radius)>& reaches);
+
+/// @throw std::invalid_argument with both numbers if the megabytes are more than the budget's
+void requireBudget(const BlockBudget& budget, double voxel, double megabytes);
+
+/// The blocks that hold something and a point, or come within `margin` voxels of one, sorted. Points that are not finite or
+/// beyond 2^28 voxels have none.
+/// @throw std::invalid_argument as above
+std::vector<Cell> coverPoints(const Lattice& lattice, Points points, double margin, const BlockBudget& budget,
                               const std::function<bool(const Vec3& centre, double radius)>& reaches);
 
 }  // namespace fielddeform::field::detail

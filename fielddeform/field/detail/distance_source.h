@@ -1,5 +1,6 @@
 #pragma once
 
+#include <fielddeform/field/detail/grid_common.h>
 #include <fielddeform/field/detail/primitive_distance.h>
 #include <fielddeform/field/distance.h>
 
@@ -31,10 +32,12 @@ inline Relative exactRelative(const PrimitiveDistance& distance, const Primitive
 Relative mix(const Relative& a, const Relative& b, double s, const Vec3& ds);
 
 /// Samples a primitive's distance in a grid.
-/// @param megabytes  what the grid may take; reduced by what it took
+/// @param around  keep only voxels near these points; none: wherever the primitive reaches
+/// @param budget  what the grid may take; reduced by what it took
 /// @throw std::invalid_argument if it would take more; std::runtime_error in a build without OpenVDB
 std::unique_ptr<DistanceSource> makeGridDistance(const PrimitiveDistance& distance, const std::string& name,
-                                                 const GridOptions& options, double& megabytes, DistanceReport& report);
+                                                 const GridOptions& options, Points around, GridBudget& budget,
+                                                 DistanceReport& report);
 
 /// Fits radial functions to samples of a primitive's distance.
 std::unique_ptr<DistanceSource> makeVariationalDistance(const PrimitiveDistance& distance, const skeleton::Primitive& primitive,

@@ -14,12 +14,6 @@
 namespace fielddeform::field::detail {
 namespace {
 
-constexpr double kNearRadii = 0.1;   // nearer than this, or than so many voxels, the distance is exact
-constexpr double kNearVoxels = 3;
-constexpr double kMixed = 1.5;       // up to this multiple of it the two are mixed
-constexpr double kBorder = 3;        // voxels beyond the radius: the quadratic stencil and a voxel to spare
-constexpr double kFloat = 0x1p-24;   // rounding of a sample
-
 // The distance to points, lines and planes has second derivatives of at most 1 / d across two directions, and trilinear
 // interpolation errs by at most h^2 / 8 times their sum.
 double smoothError(double voxel, double near) {
@@ -34,27 +28,30 @@ double voxelFor(double error, double near) {
 
 class GridDistance final : public DistanceSource {
  public:
-  GridDistance(const PrimitiveDistance& distance, const std::string& name, const GridOptions& options, double& megabytes,
-               DistanceReport& report)
+  GridDistance(const PrimitiveDistance& distance, const std::string& name, const GridOptions& options, Points around,
+               GridBudget& budget, DistanceReport& report)
       : distance_(distance), sampling_(options.sampling), radius_(distance.greatestRadius()) {
     const double least = distance.leastRadius();
-    lattice_.voxel = options.voxel.value_or(voxelFor(options.tolerance * least, kNearRadii * least));
+    lattice_.voxel = options.voxel.value_or(voxelFor(options.tolerance * least, kGridNear * least));
     // In units of the samples: with a radius per point they are larger than the distance by up to this.
-    const double excess = radius_ / least, near = std::max(kNearRadii * least, kNearVoxels * lattice_.voxel);
+    const double excess = radius_ / least, near = std::max(kGridNear * least, kGridNearVoxels * lattice_.voxel);
     near_ = near * excess;
     lattice_.origin = distance.bounds().center();
-    const std::vector<Cell> corners = cover(name, megabytes);
+    const std::string what = fmt::format("the distance grid of \"{}\"", name);
+    const std::vector<Cell> corners = cover(around, budget.forBlocks(what));
+    budget.require(corners, lattice_.voxel, what);
     grid_ = std::make_unique<VdbGrid>(lattice_, corners, static_cast<float>(radius_));
     fill(corners);
-    megabytes = std::max(0.0, megabytes - grid_->megabytes());
+    budget.take(grid_->megabytes());
     report.kind = Distance::Grid;
     report.voxel = lattice_.voxel;
     report.voxels = grid_->voxelCount();
     report.megabytes = grid_->megabytes();
     report.exactWithin = near;
-    const double rounding = kFloat * radius_;
+    const double rounding = kGridFloat * radius_;
     if (!distance.hasPointRadius()) report.smoothError = smoothError(lattice_.voxel, near_) + rounding;
     report.kinkError = std::numbers::sqrt3 / 2 * lattice_.voxel * excess + rounding;
+    report.measuredError = measureError(lattice_, corners, [this](const Vec3& p) { return errorAt(p); });
   }
 
   std::optional<Relative> at(const Vec3& point) const override {
@@ -63,26 +60,35 @@ class GridDistance final : public DistanceSource {
     const double d = std::abs(sampled.value);  // about the distance: at most, with a radius per point
     sampled.value /= radius_;
     sampled.gradient /= radius_;
-    if (d >= kMixed * near_) return sampled;
+    if (d >= kGridMixed * near_) return sampled;
     if (d <= near_) return std::nullopt;
     const auto hit = distance_.closest(point);
     if (!hit) return std::nullopt;
-    const double unit = (sampled.value < 0 ? -1 : 1) * radius_ / ((kMixed - 1) * near_);
-    return mix(exactRelative(distance_, *hit), sampled, (d - near_) / ((kMixed - 1) * near_), unit * sampled.gradient);
+    const double unit = (sampled.value < 0 ? -1 : 1) * radius_ / ((kGridMixed - 1) * near_);
+    return mix(exactRelative(distance_, *hit), sampled, (d - near_) / ((kGridMixed - 1) * near_), unit * sampled.gradient);
   }
 
  private:
-  std::vector<Cell> cover(const std::string& name, double megabytes) const {
-    const double reach = radius_ + kBorder * lattice_.voxel;
+  // Where the grid alone counts.
+  std::optional<double> errorAt(const Vec3& point) const {
+    const auto sampled = at(point);
+    const auto hit = distance_.closest(point);
+    if (!sampled || !hit || std::abs(hit->distance) < kGridMixed * near_) return std::nullopt;
+    return radius_ * std::abs(sampled->value - hit->distance / distance_.radiusAt(*hit));
+  }
+
+  std::vector<Cell> cover(Points around, const BlockBudget& budget) const {
+    const double reach = radius_ + kGridBorder * lattice_.voxel;
     Box box = distance_.bounds();
     box.min().array() -= reach;
     box.max().array() += reach;
-    const BlockBudget budget{megabytes, VdbGrid::kBytesEach, fmt::format("the distance grid of \"{}\"", name)};
-    return coverBlocks(lattice_, box, budget, [&](const Vec3& centre, double radius) {
+    const auto reaches = [&](const Vec3& centre, double radius) {
       // Deep inside a solid the exact distance does.
       const auto hit = distance_.closest(centre);
       return hit && std::abs(hit->distance) <= reach + radius;
-    });
+    };
+    return around.empty() ? coverBlocks(lattice_, box, budget, reaches)
+                          : coverPoints(lattice_, around, kGridMargin, budget, reaches);
   }
 
   void fill(const std::vector<Cell>& corners) {
@@ -124,8 +130,9 @@ class GridDistance final : public DistanceSource {
 }  // namespace
 
 std::unique_ptr<DistanceSource> makeGridDistance(const PrimitiveDistance& distance, const std::string& name,
-                                                 const GridOptions& options, double& megabytes, DistanceReport& report) {
-  return std::make_unique<GridDistance>(distance, name, options, megabytes, report);
+                                                 const GridOptions& options, Points around, GridBudget& budget,
+                                                 DistanceReport& report) {
+  return std::make_unique<GridDistance>(distance, name, options, around, budget, report);
 }
 
 }  // namespace fielddeform::field::detail

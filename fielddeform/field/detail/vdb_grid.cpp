@@ -6,6 +6,7 @@
 #include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <sstream>
@@ -35,15 +36,21 @@ Coord coordOf(const Cell& c) { return {c[0], c[1], c[2]}; }
 
 // The values of a cube of N^3 voxels, z fastest; false if one is in no leaf.
 template <int N>
-bool stencil(const Tree& tree, const Coord& low, double* out) {
+bool stencil(const Tree& tree, const Coord& low, double* out, bool* allOn) {
   const openvdb::Int32 x = low.x() & 7, y = low.y() & 7, z = low.z() & 7;
   if (x + N <= 8 && y + N <= 8 && z + N <= 8) {
     const Leaf* leaf = tree.probeConstLeaf(low);
     if (!leaf) return false;
-    const float* v = leaf->buffer().data() + (x << 6 | y << 3 | z);
+    const openvdb::Index first = static_cast<openvdb::Index>(x << 6 | y << 3 | z);
+    const float* v = leaf->buffer().data() + first;
+    const bool ask = allOn && !leaf->isDense();
     for (int i = 0; i < N; ++i)
       for (int j = 0; j < N; ++j)
-        for (int k = 0; k < N; ++k) *out++ = static_cast<double>(v[i << 6 | j << 3 | k]);
+        for (int k = 0; k < N; ++k) {
+          const int at = i << 6 | j << 3 | k;
+          *out++ = static_cast<double>(v[at]);
+          if (ask && !leaf->isValueOn(first + static_cast<openvdb::Index>(at))) *allOn = false;
+        }
     return true;
   }
   const openvdb::tree::ValueAccessor<const Tree, false> accessor(tree);
@@ -54,6 +61,7 @@ bool stencil(const Tree& tree, const Coord& low, double* out) {
         const Leaf* leaf = accessor.probeConstLeaf(at);
         if (!leaf) return false;
         *out++ = static_cast<double>(leaf->getValue(at));
+        if (allOn && !leaf->isValueOn(at)) *allOn = false;
       }
   return true;
 }
@@ -92,6 +100,24 @@ struct VdbGrid::Impl {
   std::vector<Leaf*> leaves;
 };
 
+double VdbGrid::megabytesOf(const std::vector<Cell>& corners) {
+  using Middle = openvdb::FloatTree::RootNodeType::ChildNodeType::ChildNodeType;
+  using Upper = openvdb::FloatTree::RootNodeType::ChildNodeType;
+  // Nodes of a side of 2^shift voxels above the leaves.
+  const auto nodes = [&](std::int32_t shift) {
+    std::vector<Cell> keys;
+    for (const Cell& c : corners) {
+      const Cell key{c[0] >> shift, c[1] >> shift, c[2] >> shift};
+      if (keys.empty() || keys.back() != key) keys.push_back(key);
+    }
+    std::sort(keys.begin(), keys.end());
+    return static_cast<double>(std::unique(keys.begin(), keys.end()) - keys.begin());
+  };
+  const double leaf = sizeof(Leaf) + sizeof(float) * static_cast<double>(kBlockSize);
+  return 1e-6 * (static_cast<double>(corners.size()) * leaf + nodes(Middle::TOTAL) * static_cast<double>(sizeof(Middle)) +
+                 nodes(Upper::TOTAL) * static_cast<double>(sizeof(Upper)));
+}
+
 VdbGrid::VdbGrid(const Lattice& lattice, const std::vector<Cell>& corners, float background)
     : impl_(std::make_unique<Impl>()) {
   initialize();
@@ -110,10 +136,13 @@ VdbGrid::~VdbGrid() = default;
 VdbGrid::VdbGrid(VdbGrid&&) noexcept = default;
 
 float* VdbGrid::values(std::size_t block) { return impl_->leaves[block]->buffer().data(); }
+void VdbGrid::switchOff(std::size_t block, std::size_t voxel) {
+  impl_->leaves[block]->setValueOff(static_cast<openvdb::Index>(voxel));
+}
 std::size_t VdbGrid::voxelCount() const noexcept { return impl_->leaves.size() * kBlockSize; }
 double VdbGrid::megabytes() const { return 1e-6 * static_cast<double>(impl_->grid->tree().memUsage()); }
 
-bool VdbGrid::sample(const Vec3& point, Sampling sampling, double& value, Vec3& gradient) const {
+bool VdbGrid::sample(const Vec3& point, Sampling sampling, double& value, Vec3& gradient, bool* allOn) const {
   const Vec3 u = impl_->lattice.local(point);
   if (!(u.cwiseAbs().maxCoeff() < kFarthest)) return false;
   const Vec3 low(std::floor(u.x()), std::floor(u.y()), std::floor(u.z())), t = u - low;
@@ -122,11 +151,11 @@ bool VdbGrid::sample(const Vec3& point, Sampling sampling, double& value, Vec3& 
   const Tree& tree = impl_->grid->tree();
   double v[27], w[3][3], d[3][3];
   if (sampling == Sampling::Quadratic) {
-    if (!stencil<3>(tree, at.offsetBy(-1), v)) return false;
+    if (!stencil<3>(tree, at.offsetBy(-1), v, allOn)) return false;
     for (int k = 0; k < 3; ++k) quadratic(t[k], w[k], d[k]);
     interpolate<3>(v, w, d, value, gradient);
   } else {
-    if (!stencil<2>(tree, at, v)) return false;
+    if (!stencil<2>(tree, at, v, allOn)) return false;
     for (int k = 0; k < 3; ++k) linear(t[k], w[k], d[k]);
     interpolate<2>(v, w, d, value, gradient);
   }

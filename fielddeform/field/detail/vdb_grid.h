@@ -25,14 +25,18 @@ class VdbGrid {
   ~VdbGrid();
   VdbGrid(VdbGrid&&) noexcept;
 
-  /// Memory of so many blocks: leaves, and the inner nodes above scattered ones.
-  static constexpr double kBytesEach = 2560;
+  /// Memory of a block at least: a leaf and its share of the nodes above, where blocks lie together.
+  static constexpr double kBytesEach = 2300;
+  /// Memory of a grid with leaves at these corners, its inner nodes included; nothing is taken.
+  static double megabytesOf(const std::vector<Cell>& corners);
 
   float* values(std::size_t block);                 ///< 512, z fastest
+  void switchOff(std::size_t block, std::size_t voxel);  ///< the value stays; blocks may be changed by many threads
   std::size_t voxelCount() const noexcept;
   double megabytes() const;                         ///< 1e6 bytes, as OpenVDB counts them
   /// Value and gradient (by world) at a point; false if a voxel of the stencil is in no leaf. Many threads may ask.
-  bool sample(const Vec3& point, Sampling sampling, double& value, Vec3& gradient) const;
+  /// @param allOn  becomes false if a voxel of the stencil is switched off; null: nobody asks
+  bool sample(const Vec3& point, Sampling sampling, double& value, Vec3& gradient, bool* allOn = nullptr) const;
 
   void describe(const std::string& name, const MetaData& meta, VdbClass what);
 

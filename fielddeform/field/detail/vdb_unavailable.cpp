@@ -23,8 +23,10 @@ VdbGrid::~VdbGrid() = default;
 VdbGrid::VdbGrid(VdbGrid&&) noexcept = default;
 float* VdbGrid::values(std::size_t) { return nullptr; }
 std::size_t VdbGrid::voxelCount() const noexcept { return 0; }
+double VdbGrid::megabytesOf(const std::vector<Cell>&) { return 0; }
+void VdbGrid::switchOff(std::size_t, std::size_t) {}
 double VdbGrid::megabytes() const { return 0; }
-bool VdbGrid::sample(const Vec3&, Sampling, double&, Vec3&) const { return false; }
+bool VdbGrid::sample(const Vec3&, Sampling, double&, Vec3&, bool*) const { return false; }
 void VdbGrid::describe(const std::string&, const MetaData&, VdbClass) {}
 
 void writeVdbFile(std::span<const VdbGrid>, const std::filesystem::path&) { refuse("writer of .vdb files"); }

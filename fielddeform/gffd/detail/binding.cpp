@@ -13,15 +13,17 @@ double shareOf(double level) { return std::clamp(1 - level, 0.0, 1.0); }
 
 }  // namespace
 
-std::shared_ptr<const Embedding> makeEmbedding(const skeleton::SkeletonPair& pair, const field::FieldOptions& options) {
+std::shared_ptr<const Embedding> makeEmbedding(const skeleton::SkeletonPair& pair, const field::FieldOptions& options,
+                                               Points around) {
   auto e = std::make_shared<Embedding>();
-  e->field = std::make_shared<const field::Field>(pair.rest, options);
+  e->field = std::make_shared<const field::Field>(pair.rest, options, around);
   e->radius = e->field->referenceRadius();
   const MovingPart part = movingPart(pair);
   e->movingIndex = part.restIndex;
   e->cells = CellFrame::of(part.rest);
   if (part.rest.primitives.size() == pair.rest.primitives.size()) e->moving = e->field;
-  else if (!part.rest.primitives.empty()) e->moving = std::make_shared<const field::Field>(part.rest, options);
+  else if (!part.rest.primitives.empty())
+    e->moving = std::make_shared<const field::Field>(part.rest, options.after(*e->field), around);
   return e;
 }
 

@@ -8,7 +8,9 @@
 
 namespace fielddeform::gffd::detail {
 
-std::shared_ptr<const Embedding> makeEmbedding(const skeleton::SkeletonPair& pair, const field::FieldOptions& options);
+/// @param around  the points that will be bound, for grids that follow a mesh; none: unknown
+std::shared_ptr<const Embedding> makeEmbedding(const skeleton::SkeletonPair& pair, const field::FieldOptions& options,
+                                               Points around = {});
 
 struct GffdBinding final : map::Binding {
   std::shared_ptr<const Embedding> embedding;

@@ -1,3 +1,4 @@
+#include <fielddeform/core/parallel.h>
 #include <fielddeform/core/rigid.h>
 #include <fielddeform/gffd/detail/stage.h>
 
@@ -18,13 +19,18 @@ bool sameField(const skeleton::Primitive& a, const skeleton::Primitive& b) {
 
 }  // namespace
 
-Stage::Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, const Options& options)
-    : options_(options), posed_(std::make_shared<field::Field>(pair.posed, options.field)) {
+Stage::Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, const Options& options, Around* around)
+    : options_(options) {
+  // The predictors need closest points only; the posed field's grids follow their predictions.
+  field::FieldOptions bare = options.field;
+  if (around) bare.distance = {};
+  posed_ = std::make_shared<field::Field>(pair.posed, bare);
   radius_ = posed_->referenceRadius();
   tolerance_ = options.tolerance * radius_;
   const MovingPart part = movingPart(pair);
   if (part.rest.primitives.empty()) {
     rigid_ = Rigid{};
+    samplePosed(pair.posed, around);
     return;
   }
   const skeleton::SampledPair samples = sampleMotion(part, pair.posed, *posed_);
@@ -35,7 +41,17 @@ Stage::Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, con
   for (const auto& p : part.rest.primitives)
     levelBoundsNearness_ = levelBoundsNearness_ && p.weight >= 1 &&
                            p.potential.value_or(options.field.potential) == skeleton::Potential::Exponential;
+  samplePosed(pair.posed, around);
   if (options.evaluation == Evaluation::Grid && !rigid_) makeGrid(embedding, pair.posed);
+}
+
+void Stage::samplePosed(const skeleton::Skeleton& posed, Around* around) {
+  if (!around) return;
+  std::vector<Vec3>& points = around->points;
+  parallelFor(points.size(), 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) points[i] = predict(points[i], around->values[i], weight(around->values[i]));
+  });
+  posed_ = std::make_shared<field::Field>(posed, options_.field, points);
 }
 
 void Stage::makeGrid(const Embedding& embedding, const skeleton::Skeleton& posed) {

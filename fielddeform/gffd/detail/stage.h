@@ -10,6 +10,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 namespace fielddeform::gffd::detail {
 
@@ -28,10 +29,17 @@ struct Value {
   double share = 0;   ///< s = clamp(1 - D_moving / R, 0, 1)
 };
 
+/// Points on their way through the poses, with the values that they keep: fields sampled in grids follow them.
+struct Around {
+  std::vector<Vec3> points;
+  std::vector<Value> values;
+};
+
 /// One pose change: predictor and corrector from one skeleton to the next.
 class Stage {
  public:
-  Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, const Options& options);
+  /// @param around  if given, the posed field is sampled near where these points are predicted, and they move there
+  Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, const Options& options, Around* around = nullptr);
   Stage(const Stage&) = delete;
   Stage& operator=(const Stage&) = delete;
 
@@ -68,6 +76,7 @@ class Stage {
   const std::optional<Rigid>& rigid() const noexcept { return rigid_; }
 
  private:
+  void samplePosed(const skeleton::Skeleton& posed, Around* around);
   void makeGrid(const Embedding& embedding, const skeleton::Skeleton& posed);
   void findRigid(const skeleton::SampledPair& samples, const MovingPart& part, const skeleton::SkeletonPair& pair);
 

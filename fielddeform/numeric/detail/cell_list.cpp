@@ -82,18 +82,86 @@ std::vector<Index> mergeNear(Points points, double distance) {
   return group;
 }
 
+namespace {
+
+// Points kept so far, in cells as wide as the spacing: a table of hashes with open addressing, and lists within a cell.
+class Kept {
+  struct Slot {
+    std::uint64_t key = 0;
+    Index first = kNoIndex;  // free
+  };
+  struct Entry {
+    Index point, next;
+  };
+  template <class Slots>
+  static auto& find(Slots& slots, std::uint64_t key) {
+    std::size_t at = key & (slots.size() - 1);
+    while (slots[at].first != kNoIndex && slots[at].key != key) at = (at + 1) & (slots.size() - 1);
+    return slots[at];
+  }
+
+ public:
+  Kept(Points points, double spacing) : points_(points), spacing_(spacing), slots_(1024, Slot{}) {}
+
+  bool hasNear(const Vec3& p) const {
+    const std::array<std::int64_t, 3> c = cellOf(p);
+    if (near(p, c)) return true;  // most are
+    for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x)
+      for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
+        for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
+          if ((x != c[0] || y != c[1] || z != c[2]) && near(p, {x, y, z})) return true;
+    return false;
+  }
+
+  void add(Index i) {
+    if (2 * (entries_.size() + 1) > slots_.size()) grow();
+    Slot& slot = find(slots_, keyOf(cellOf(points_[i])));
+    entries_.push_back({i, slot.first});
+    slot = {keyOf(cellOf(points_[i])), static_cast<Index>(entries_.size() - 1)};
+  }
+
+ private:
+  std::array<std::int64_t, 3> cellOf(const Vec3& p) const {
+    std::array<std::int64_t, 3> c;
+    for (std::size_t k = 0; k < 3; ++k) c[k] = static_cast<std::int64_t>(std::floor(p[static_cast<int>(k)] / spacing_));
+    return c;
+  }
+  // Cells may share a key: they are then searched together.
+  static std::uint64_t keyOf(const std::array<std::int64_t, 3>& c) {
+    std::uint64_t h = static_cast<std::uint64_t>(c[0]) * 0x9E3779B97F4A7C15u ^ static_cast<std::uint64_t>(c[1]) * 0xC2B2AE3D27D4EB4Fu ^
+                      static_cast<std::uint64_t>(c[2]) * 0x165667B19E3779F9u;
+    return h ^ h >> 29;
+  }
+  bool near(const Vec3& p, const std::array<std::int64_t, 3>& cell) const {
+    for (Index e = find(slots_, keyOf(cell)).first; e != kNoIndex; e = entries_[e].next)
+      if ((p - points_[entries_[e].point]).squaredNorm() < spacing_ * spacing_) return true;
+    return false;
+  }
+  void grow() {
+    std::vector<Slot> wider(2 * slots_.size(), Slot{});
+    for (const Slot& s : slots_)
+      if (s.first != kNoIndex) find(wider, s.key) = s;
+    slots_ = std::move(wider);
+  }
+
+  Points points_;
+  double spacing_;
+  std::vector<Slot> slots_;
+  std::vector<Entry> entries_;
+};
+
+}  // namespace
+
 std::vector<Index> thin(Points points, double spacing, std::vector<Index> chosen) {
-  Buckets buckets(spacing);
+  Kept kept(points, spacing);
   std::vector<char> taken(points.size(), 0);
   for (const Index i : chosen) {
-    buckets.add(points[i], i);
+    kept.add(i);
     taken[i] = 1;
   }
   for (Index i = 0; i < points.size(); ++i) {
-    if (taken[i]) continue;
-    const auto near = [&](Index j) { return (points[i] - points[j]).squaredNorm() < spacing * spacing; };
-    if (buckets.find(points[i], near) != kNoIndex) continue;
-    buckets.add(points[i], i);
+    if (taken[i] || kept.hasNear(points[i])) continue;
+    kept.add(i);
     chosen.push_back(i);
   }
   return chosen;
