@@ -1,6 +1,7 @@
 #include <fielddeform/core/angle.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
+#include <fielddeform/map/extended_lattice_io.h>
 #include <fielddeform/map/lattice_io.h>
 #include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/scene.h>
@@ -122,7 +123,7 @@ Sculpt readSculpt(const JsonValue& object, const fs::path& folder) {
   return sculpt;
 }
 
-// A file's path, {"file": PATH, "fit": true}, a lattice itself ("axes" among its keys), or a rule.
+// A file's path, {"file": PATH, "fit": true}, a lattice itself ("axes" among its keys, or "cells", "parts"), or a rule.
 LatticeStep readLatticeStep(const JsonValue& value, const fs::path& folder) {
   if (value.kind() == JsonKind::String) return {readPath(value, folder), false, {}};
   if (value.kind() != JsonKind::Object) value.fail("", "a file's path, a lattice, or a rule that makes one");
@@ -133,6 +134,9 @@ LatticeStep readLatticeStep(const JsonValue& value, const fs::path& folder) {
     setFlag(value, "fit", step.fit);
   } else if (value.find("axes")) {
     step.source = map::latticeFromJson(value);
+  } else if (map::isExtendedLattice(value)) {
+    step.source = map::extendedLatticeFromJson(value);
+    if (const auto sculpt = value.find("sculpt")) sculpt->fail("", "no \"sculpt\": extended lattices do not follow points");
   } else {
     step.source = readLatticeRule(value);
   }
