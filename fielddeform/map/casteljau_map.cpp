@@ -43,6 +43,7 @@ std::vector<double> knotsOf(const CasteljauCurve& curve) {
 struct CasteljauMap::Model {
   CasteljauCurve posed;
   Outside outside = Outside::Extend;
+  bool closed = false;                    ///< nothing lies beyond the ends
   std::optional<LatticeBox> frame;        ///< else the rest curve
   Mat3 toFrame = Mat3::Identity();
   std::vector<double> knots;
@@ -66,7 +67,7 @@ struct CasteljauMap::Model {
   }
 
   SweepPlace place(const Vec3& x) const {
-    if (!frame) return detail::locate(rest, x, outside == Outside::Extend);
+    if (!frame) return detail::locate(rest, x, outside == Outside::Extend && !closed);
     SweepPlace p;
     const Vec3 uvw = toFrame * (x - frame->origin);
     p.found = uvw.allFinite();
@@ -78,7 +79,7 @@ struct CasteljauMap::Model {
 
   PointKind kindOf(const Vec3& x, const SweepPlace& p) const {
     if (!x.allFinite()) return PointKind::Invalid;
-    if (!p.found) return outside == Outside::Keep && !frame ? PointKind::Kept : PointKind::Stalled;
+    if (!p.found) return outside == Outside::Keep && !frame && !closed ? PointKind::Kept : PointKind::Stalled;
     if (p.uvw.x() >= 0 && p.uvw.x() <= 1) return PointKind::Inside;
     return outside == Outside::Keep ? PointKind::Kept : PointKind::Beyond;
   }
@@ -117,8 +118,11 @@ CasteljauMap::CasteljauMap(CasteljauCurve posed, const LatticeBox& frame, Outsid
   model_ = std::move(model);
 }
 
-CasteljauMap::CasteljauMap(CasteljauCurve rest, CasteljauCurve posed, Outside outside)
-    : model_(std::make_shared<const Model>(std::move(posed), rest, outside)) {}
+CasteljauMap::CasteljauMap(CasteljauCurve rest, CasteljauCurve posed, Outside outside, bool closed) {
+  auto model = std::make_shared<Model>(std::move(posed), rest, outside);
+  model->closed = closed;
+  model_ = std::move(model);
+}
 
 const CasteljauCurve& CasteljauMap::posed() const noexcept { return model_->posed; }
 
