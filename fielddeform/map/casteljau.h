@@ -107,6 +107,8 @@ class CasteljauMap final : public SpaceMap {
   Vec3 position(const Vec3& rest) const;
 
   std::shared_ptr<const Binding> bind(Points rest) const override;
+  /// Places along the same rest curve (or in the same frame) are taken over.
+  std::shared_ptr<const Binding> bindAgain(const Binding* earlier, Points rest) const override;
   void apply(const Binding& binding, MapOutput out, Progress& progress) const override;
   void jacobians(const Binding& binding, std::span<Mat3> out) const override;
 

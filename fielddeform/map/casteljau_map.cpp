@@ -77,6 +77,15 @@ struct CasteljauMap::Model {
     return p;
   }
 
+  /// Whether points have the same places in both.
+  bool placesAs(const Model& other) const {
+    if (outside != other.outside || closed != other.closed || frame != other.frame || knots != other.knots || rest.size() != other.rest.size())
+      return false;
+    for (std::size_t k = 0; k < rest.size(); ++k)
+      if (rest[k].c != other.rest[k].c || rest[k].s != other.rest[k].s || rest[k].t != other.rest[k].t) return false;
+    return true;
+  }
+
   PointKind kindOf(const Vec3& x, const SweepPlace& p) const {
     if (!x.allFinite()) return PointKind::Invalid;
     if (!p.found) return outside == Outside::Keep && !frame && !closed ? PointKind::Kept : PointKind::Stalled;
@@ -157,6 +166,14 @@ std::shared_ptr<const Binding> CasteljauMap::bind(Points rest) const {
     }
   });
   return bound;
+}
+
+std::shared_ptr<const Binding> CasteljauMap::bindAgain(const Binding* earlier, Points rest) const {
+  const auto* last = dynamic_cast<const Bound*>(earlier);
+  if (!last || last->size() != rest.size() || !model_->placesAs(*last->model)) return bind(rest);
+  auto again = std::make_shared<Bound>(*last);
+  again->model = model_;
+  return again;
 }
 
 /// Displacements of some neighbouring points: side by side where all are inside one piece.

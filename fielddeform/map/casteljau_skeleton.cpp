@@ -1,5 +1,6 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/map/casteljau_skeleton.h>
+#include <fielddeform/map/detail/feet.h>
 #include <fielddeform/map/detail/jet_curve.h>
 #include <fielddeform/map/detail/line_curves.h>
 #include <fmt/format.h>
@@ -66,6 +67,7 @@ class CasteljauLines::Bound final : public Binding {
   std::vector<Vec3> rest;
   std::vector<std::shared_ptr<const Binding>> inner;  ///< #L
   std::vector<double> nearness;                       ///< #P by #L
+  std::vector<double> restNumbers;
 };
 
 // What every line does to every point.
@@ -86,6 +88,9 @@ CasteljauLines::CasteljauLines(const SkeletonMotion& motion, double sharpness) :
     lines->push_back({std::move(curves), std::move(map)});
   }
   lines_ = std::move(lines);
+  restNumbers_ = detail::restNumbers(motion);
+  for (const Line& line : *lines_)
+    for (const Index v : line.curves.points) restNumbers_.push_back(skeleton::radiusOf(motion.rest.primitives[static_cast<std::size_t>(&line - lines_->data())], v));
 }
 
 CasteljauLines::~CasteljauLines() = default;
@@ -93,6 +98,7 @@ CasteljauLines::~CasteljauLines() = default;
 std::shared_ptr<const Binding> CasteljauLines::bind(Points rest) const {
   auto bound = std::make_shared<Bound>();
   bound->lines = lines_;
+  bound->restNumbers = restNumbers_;
   bound->rest.assign(rest.begin(), rest.end());
   const std::size_t n = lines_->size();
   for (const Line& line : *lines_) bound->inner.push_back(line.map.bind(rest));
@@ -102,6 +108,15 @@ std::shared_ptr<const Binding> CasteljauLines::bind(Points rest) const {
       for (std::size_t i = 0; i < n && rest[p].allFinite(); ++i) bound->nearness[p * n + i] = nearness((*lines_)[i].curves, rest[p]).v;
   });
   return bound;
+}
+
+std::shared_ptr<const Binding> CasteljauLines::bindAgain(const Binding* earlier, Points rest) const {
+  const auto* last = dynamic_cast<const Bound*>(earlier);
+  if (!last || last->size() != rest.size() || last->restNumbers != restNumbers_) return bind(rest);
+  auto again = std::make_shared<Bound>(*last);
+  again->lines = lines_;
+  for (std::size_t i = 0; i < lines_->size(); ++i) again->inner[i] = (*lines_)[i].map.bindAgain(last->inner[i].get(), rest);
+  return again;
 }
 
 const CasteljauLines::Bound& CasteljauLines::own(const Binding& binding) const {

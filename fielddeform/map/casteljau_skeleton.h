@@ -24,6 +24,7 @@ class CasteljauLines final : public SpaceMap {
   ~CasteljauLines() override;
 
   std::shared_ptr<const Binding> bind(Points rest) const override;
+  std::shared_ptr<const Binding> bindAgain(const Binding* earlier, Points rest) const override;
   /// Statuses as CasteljauMap's; Stalled where no line reaches, with the least distance.
   void apply(const Binding& binding, MapOutput out, Progress& progress) const override;
   void jacobians(const Binding& binding, std::span<Mat3> out) const override;
@@ -35,6 +36,7 @@ class CasteljauLines final : public SpaceMap {
   const Bound& own(const Binding& binding) const;
   Images imagesOf(const Bound& bound, Progress& progress) const;
   std::shared_ptr<const std::vector<Line>> lines_;
+  std::vector<double> restNumbers_;  // of the lines: what distances to them depend on
   double sharpness_;
 };
 

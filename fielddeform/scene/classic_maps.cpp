@@ -201,7 +201,7 @@ ClassicMap makeCasteljau(const ClassicInput& in) {
 }
 
 ClassicMap makeWires(const ClassicInput& in) {
-  return {std::make_shared<map::WireMap>(map::motionOf(in.pair, "wires"), map::WireOptions{.blend = in.scene.wireBlend})};
+  return {std::make_shared<map::WireMap>(map::motionOf(in.pair, "wires"), map::WireOptions{.blend = in.scene.wireBlend, .local = in.scene.wireLocal})};
 }
 
 }  // namespace fielddeform::scene::detail

@@ -184,6 +184,13 @@ class LatticeMethod final : public Method {
       for (Vec3& d : part) d *= t;
       maps.push_back(map->withDisplacements(part));
     }
+    if (maps.size() == 1) {  // where points lie in a lattice does not depend on its displacements
+      if (!poseBinding_ || poseRest_ != mesh.positions()) {
+        poseRest_ = mesh.positions();
+        poseBinding_ = maps_[0]->bind(poseRest_);
+      }
+      return applied(*maps[0], *poseBinding_, progress);
+    }
     const map::Chain chain(std::move(maps));
     return applied(chain, *chain.bind(mesh.positions()), progress);
   }
@@ -250,10 +257,10 @@ class LatticeMethod final : public Method {
     return std::all_of(moved.begin(), moved.end(), [](const Vec3& d) { return d.isZero(0); });
   }
 
-  static Posed applied(const map::Chain& chain, const map::Binding& binding, Progress& progress) {
+  static Posed applied(const map::SpaceMap& map, const map::Binding& binding, Progress& progress) {
     const std::size_t n = binding.size();
     Posed posed{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n)};
-    chain.apply(binding, {.position = posed.position, .safe = {}, .status = posed.status, .residual = posed.residual}, progress);
+    map.apply(binding, {.position = posed.position, .safe = {}, .status = posed.status, .residual = posed.residual}, progress);
     return posed;
   }
 
@@ -264,6 +271,8 @@ class LatticeMethod final : public Method {
   std::vector<std::shared_ptr<const map::LinearMap>> maps_;
   std::optional<map::Chain> chain_;
   std::shared_ptr<const map::Binding> binding_;
+  std::shared_ptr<const map::Binding> poseBinding_;  // of one lattice, for poses on the way
+  std::vector<Vec3> poseRest_;                       // what it binds
 };
 
 }  // namespace

@@ -112,6 +112,7 @@ struct Scene {
   MethodKind method = MethodKind::Gffd;       ///< by skeleton
   std::optional<std::array<int, 3>> latticeNodes;  ///< of the lattice that is fitted to the skeleton; absent: by the box
   std::optional<double> wireBlend = 1;        ///< m >= 0: how several wires share a point (map/wires.h); absent: their sum
+  double wireLocal = 0;                       ///< k >= 0: by how much the nearest wire has its way (map/wires.h)
   RestSource rest;
   std::optional<PosedSource> posed;           ///< a posed skeleton, or edits; not both
   std::vector<skeleton::NamedPair> pairs;

@@ -290,6 +290,7 @@ void refuseKeys(const JsonValue& root, MethodKind method, bool givenLattices) {
   unless(MethodOption::Falloff, "tracking");
   unless(MethodOption::Nodes, "nodes");
   unless(MethodOption::WireBlend, "wire_blend");
+  unless(MethodOption::WireBlend, "wire_local");
   for (const char* key : useless)
     if (const auto other = given(root, key))
       other->fail(fmt::format("\"{}\"", key), fmt::format("no such key with the method \"{}\"", toString(method)));
@@ -306,6 +307,7 @@ void readMethod(const JsonValue& root, const fs::path& folder, Scene& scene) {
   refuseKeys(root, scene.method, lattice || given(root, "lattices"));
   if (const auto nodes = given(root, "nodes")) scene.latticeNodes = readNodeNumbers(*nodes, 2, 64);
   if (const auto blend = given(root, "wire_blend")) readWireBlend(*blend, scene);
+  if (const auto local = given(root, "wire_local")) scene.wireLocal = local->inRange(0, 100);
   if (lattice) {
     const JsonValue lattices = root.require("lattices");
     for (const JsonValue step : lattices.array()) scene.lattices.push_back(readLatticeStep(step, folder));
@@ -351,7 +353,7 @@ void checkTogether(const JsonValue& root, const Scene& scene) {
 Scene sceneOf(const JsonDocument& document) {
   document.requireFormat("fielddeform-scene", 1);
   const JsonValue root = document.root();
-  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "nodes", "wire_blend", "lattices", "skeleton", "edits", "symmetry",
+  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "nodes", "wire_blend", "wire_local", "lattices", "skeleton", "edits", "symmetry",
                   "field", "tracking", "resample", "volume", "mask", "output", "check", "extras"});
   Scene scene;
   readParts(root, document.path().parent_path(), scene);

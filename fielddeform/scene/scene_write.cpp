@@ -166,6 +166,7 @@ void writeSkeletonMethod(JsonWriter& json, const Scene& scene, const fs::path* f
   if (takes(scene.method, MethodOption::WireBlend)) {
     if (scene.wireBlend) json.member("wire_blend", *scene.wireBlend);
     else json.member("wire_blend", "sum");
+    if (scene.wireLocal != 0) json.member("wire_local", scene.wireLocal);
   }
   if (takes(scene.method, MethodOption::Potential)) writeField(json, scene.tracking);
   if (takes(scene.method, MethodOption::Tracking)) {
