@@ -41,7 +41,7 @@ int main(int argc, char** argv) {
   std::vector<map::SkeletonMotion> motions;
   for (int k = 1; k <= poses; ++k) {
     const skeleton::Edit bend{"", skeleton::Bend{.spine = {.axis = Vec3(0, 0, 1), .pivot = Vec3::Zero()}, .angle = 1.5 * k / poses, .about = Vec3(1, 0, 0)}};
-    motions.push_back(map::motionOf(skeleton::pairSkeletons(rest, skeleton::applyEdits(rest, {bend})), "bench"));
+    motions.push_back(map::motionOf(skeleton::pairSkeletons(rest, skeleton::applyEdits(rest, {&bend, 1})), "bench"));
   }
   const auto field = std::make_shared<const field::Field>(rest, field::FieldOptions{});
   Progress silent;
