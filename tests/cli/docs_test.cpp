@@ -55,7 +55,7 @@ void makeSamples(const std::string& page, const Scratch& folder) {
 TEST(DocsSlow, TheGuidesCommandsRun) { runAll("/docs/guide.md", 9); }
 TEST(DocsSlow, TheLatticePagesCommandsRun) { runAll("/docs/lattice.md", 6); }
 TEST(DocsSlow, TheCasteljauPagesCommandsRun) { runAll("/docs/casteljau.md", 3); }
-TEST(DocsSlow, TheSolidsPagesCommandsRun) { runAll("/docs/solids.md", 4); }
+TEST(DocsSlow, TheSolidsPagesCommandsRun) { runAll("/docs/solids.md", 3); }
 TEST(DocsSlow, TheMethodsPagesCommandsRun) { runAll("/docs/methods.md", 5); }
 TEST(DocsSlow, TheReadmesCommandsRun) { runAll("/README.md", 1); }
 
