@@ -1,6 +1,7 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/rigid.h>
 #include <fielddeform/map/axial.h>
+#include <fielddeform/map/detail/feet.h>
 #include <fielddeform/map/detail/jet_curve.h>
 #include <fielddeform/map/detail/line_curves.h>
 
@@ -103,9 +104,9 @@ struct AxialMap::Axis {
     std::array<Jet, 4> rotation; // x, y, z, w
   };
 
-  Motion at(const Vec3& rest) const {
+  Motion at(const Vec3& rest, const SplineCurve::Foot* foot) const {
     const JetVec x{rest, Mat3::Identity()};
-    const Jet t = closestAt(curves.rest, x);
+    const Jet t = foot ? closestAt(curves.rest, x, *foot) : closestAt(curves.rest, x);
     const SplineCurve::Place p0 = curves.rest.at(t.v), p1 = curves.posed.at(t.v), number = curves.numbers.at(t.v);
     const auto [q, slope] = rotations.at(t.v - wraps(t.v));
     const JetVec offset = x - pointAt(p0, t);
@@ -156,16 +157,25 @@ AxialMap::AxialMap(const SkeletonMotion& motion, double sharpness) : sharpness_(
     if (i > 0) alignSigns(*axes);
   }
   axes_ = std::move(axes);
+  restNumbers_ = restNumbers(motion);
+}
+
+std::shared_ptr<RestSide> AxialMap::keepRest(Points rest) const {
+  return feetOf(rest, axes_->size(), [&](std::size_t i) -> const SplineCurve& { return (*axes_)[i].curves.rest; });
+}
+
+Vec3 AxialMap::displacementOf(const RestSide& side, std::size_t i, const Vec3& rest) const {
+  return identity_ ? Vec3(Vec3::Zero()) : moveOf(rest, static_cast<const Feet&>(side).of(i)).v;
 }
 
 // The mean of the axes' motions as dual quaternions, weighted by exp(-k u), the least u taken off. In coordinates whose
 // origin is the point, the mean motion's translation is its displacement.
-detail::JetVec AxialMap::moveOf(const Vec3& rest) const {
-  if (axes_->size() == 1) return axes_->front().at(rest).move;
+detail::JetVec AxialMap::moveOf(const Vec3& rest, const SplineCurve::Foot* feet) const {
+  if (axes_->size() == 1) return axes_->front().at(rest, feet).move;
   std::vector<Axis::Motion> all;
   double least = std::numeric_limits<double>::infinity();
   for (const Axis& axis : *axes_) {
-    all.push_back(axis.at(rest));
+    all.push_back(axis.at(rest, feet ? feet + all.size() : nullptr));
     least = std::min(least, all.back().nearness.v);
   }
   std::array<Jet, 4> real{}, dual{};

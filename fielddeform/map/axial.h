@@ -27,11 +27,17 @@ class AxialMap final : public PointwiseMap {
   Vec3 displacement(const Vec3& rest) const override;
   Mat3 jacobian(const Vec3& rest) const override;
 
+ protected:
+  std::vector<double> restKey() const override { return restNumbers_; }
+  std::shared_ptr<RestSide> keepRest(Points rest) const override;
+  Vec3 displacementOf(const RestSide& side, std::size_t i, const Vec3& rest) const override;
+
  private:
   struct Axis;
   static void alignSigns(std::vector<Axis>& axes);
-  detail::JetVec moveOf(const Vec3& rest) const;
+  detail::JetVec moveOf(const Vec3& rest, const SplineCurve::Foot* feet = nullptr) const;
   std::shared_ptr<const std::vector<Axis>> axes_;
+  std::vector<double> restNumbers_;
   double sharpness_;
   bool identity_;
 };

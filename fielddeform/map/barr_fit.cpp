@@ -1,5 +1,6 @@
 // Levenberg-Marquardt over at most nine parameters with the rigid motion eliminated (Kabsch); derivatives by differences.
 #include <fielddeform/map/barr_fit.h>
+#include <fielddeform/map/detail/barr_profile.h>
 #include <fielddeform/numeric/elementary.h>
 #include <fielddeform/numeric/rotation.h>
 
@@ -12,12 +13,16 @@
 namespace fielddeform::map {
 namespace {
 
+using detail::Profile;
+using detail::profileAlong;
+using detail::rangeOf;
+
 constexpr std::size_t kMostPairs = 1000;
 constexpr double kFrameOffset = 0.25;  // radii
 // Frames are those of a polygon, half a segment's turn off at its ends: they decide only what points leave open.
 constexpr double kFrameWeight = 1e-3;
 constexpr double kSameFit = 1.05;      // a less simple kind must be better than this
-constexpr int kIterations = 60, kBins = 33;
+constexpr int kIterations = 60;
 
 struct Problem {
   PointPairs pairs;
@@ -37,30 +42,11 @@ void settle(const Problem& p, Candidate& c, Eigen::VectorXd* residual) {
   const BarrMap map(c.edit);
   const std::size_t n = p.pairs.rest.size();
   std::vector<Vec3> x(n);
-  Vec3 mx = Vec3::Zero(), mq = Vec3::Zero();
-  double mass = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    x[i] = map.position(p.pairs.rest[i]) - c.edit.pivot;
-    const double w = p.weight(i) * p.weight(i);
-    mass += w;
-    mx += w * x[i];
-    mq += w * (p.pairs.posed[i] - c.edit.pivot);
-  }
-  mx /= mass;
-  mq /= mass;
-  Mat3 m = Mat3::Zero();
-  for (std::size_t i = 0; i < n; ++i) {
-    const double w = p.weight(i) * p.weight(i);
-    m += w * (x[i] - mx) * (p.pairs.posed[i] - c.edit.pivot - mq).transpose();
-  }
-  c.turn = Quat(numeric::kabsch(m)).normalized();
-  c.shift = mq - c.turn * mx;
-  c.cost = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const Vec3 r = p.weight(i) * (c.turn * x[i] + c.shift - (p.pairs.posed[i] - c.edit.pivot));
-    c.cost += r.squaredNorm();
-    if (residual) residual->segment<3>(static_cast<Eigen::Index>(3 * i)) = r;
-  }
+  for (std::size_t i = 0; i < n; ++i) x[i] = map.position(p.pairs.rest[i]) - c.edit.pivot;
+  const detail::RigidFit rigid = detail::fitRigid(p.pairs, x, c.edit.pivot, kFrameWeight, residual);
+  c.turn = rigid.turn;
+  c.shift = rigid.shift;
+  c.cost = rigid.cost;
 }
 
 // An edit moved by small parameters: range ends, amount, tilt of the axis (2), turn of about, pivot across (2), second factor.
@@ -135,79 +121,6 @@ Candidate refine(const Problem& p, Candidate c) {
     if (!better || gain < 1e-9) break;
   }
   return c;
-}
-
-// How the skeleton turns, grows and stretches along one axis: means over slices.
-struct Profile {
-  std::vector<double> s, turnAlong, turnAcross, scale, length;  // cumulative from the first slice
-  Vec3 turn = Vec3::Zero();                                     // total, rest frame
-};
-
-Profile profileAlong(const SkeletonMotion& motion, const Vec3& centre, const Vec3& axis) {
-  const skeleton::SampledPair& m = motion.samples;
-  double low = 1e300, high = -1e300;
-  for (const Vec3& x : m.rest) {
-    low = std::min(low, axis.dot(x - centre));
-    high = std::max(high, axis.dot(x - centre));
-  }
-  struct Bin {
-    double mass = 0, s = 0, scale = 0;
-    Vec3 rest = Vec3::Zero(), posed = Vec3::Zero();
-    Eigen::Vector4d turn = Eigen::Vector4d::Zero();
-  };
-  std::array<Bin, kBins> bins;
-  for (std::size_t j = 0; j < m.rest.size(); ++j) {
-    const double s = axis.dot(m.rest[j] - centre), t = high > low ? (s - low) / (high - low) : 0;
-    Bin& b = bins[static_cast<std::size_t>(std::clamp(static_cast<int>(t * kBins), 0, kBins - 1))];
-    b.mass += 1;
-    b.s += s;
-    b.scale += m.scale[j];
-    b.rest += m.rest[j];
-    b.posed += m.posed[j];
-    b.turn += (b.turn.dot(m.rotation[j].coeffs()) < 0 ? -1 : 1) * m.rotation[j].coeffs();
-  }
-  Profile p;
-  Quat last = Quat::Identity();
-  Vec3 lastRest = Vec3::Zero(), lastPosed = Vec3::Zero();
-  for (const Bin& b : bins) {
-    if (b.mass == 0 || b.turn.norm() == 0) continue;
-    const Quat q(Eigen::Vector4d(b.turn.normalized()));
-    const Vec3 rest = b.rest / b.mass, posed = b.posed / b.mass;
-    if (!p.s.empty()) {
-      Quat step = last.conjugate() * q;
-      if (step.w() < 0) step.coeffs() = -step.coeffs();
-      const double sine = step.vec().norm();
-      if (sine > 0) p.turn += 2 * numeric::atan2(sine, step.w()) / sine * step.vec();
-    }
-    p.length.push_back(p.s.empty() ? 0 : p.length.back() + (posed - lastPosed).norm() - (rest - lastRest).norm());
-    p.s.push_back(b.s / b.mass);
-    p.scale.push_back(b.scale / b.mass);
-    p.turnAlong.push_back(axis.dot(p.turn));
-    p.turnAcross.push_back((p.turn - axis.dot(p.turn) * axis).norm());
-    last = q;
-    lastRest = rest;
-    lastPosed = posed;
-  }
-  return p;
-}
-
-// Where a cumulative profile goes from its first to its last value: the line through its tenths.
-void rangeOf(const std::vector<double>& s, const std::vector<double>& value, double& begin, double& end) {
-  begin = s.front();
-  end = s.back();
-  const double total = value.back() - value.front();
-  if (s.size() < 3 || total == 0) return;
-  const auto crossing = [&](double share) {
-    for (std::size_t i = 1; i < s.size(); ++i) {
-      const double a = (value[i - 1] - value.front()) / total, b = (value[i] - value.front()) / total;
-      if (b >= share && b > a) return s[i - 1] + std::clamp((share - a) / (b - a), 0.0, 1.0) * (s[i] - s[i - 1]);
-    }
-    return s.back();
-  };
-  const double near = crossing(0.15), far = crossing(0.85);
-  if (!(far > near)) return;
-  begin = std::max(begin, near - 0.15 / 0.7 * (far - near));
-  end = std::min(end, far + 0.15 / 0.7 * (far - near));
 }
 
 std::vector<Candidate> guesses(const SkeletonMotion& motion, const Vec3& centre, const Vec3& axis) {

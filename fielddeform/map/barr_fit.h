@@ -3,6 +3,9 @@
 #include <fielddeform/map/barr.h>
 #include <fielddeform/map/skeleton_motion.h>
 
+#include <memory>
+#include <vector>
+
 namespace fielddeform::map {
 
 /// The Barr deformation nearest to what a skeleton did.
@@ -27,5 +30,24 @@ struct BarrFitOptions {
 /// principal axis. A motion that is no Barr deformation gets the nearest one found; rms and max say how far off.
 /// Deterministic.
 BarrFit fitBarr(const SkeletonMotion& motion, const BarrFitOptions& options = {});
+
+/// Several of Barr's deformations, one after the other along one axis, nearest to what a skeleton did.
+struct BarrSequence {
+  /// In Barr's order: scale or stretch, taper, twist, bend; those that are nothing are left out. One pivot, axis and about for all;
+  /// each range counts along the axis as the ones before have left it.
+  std::vector<BarrEdit> edits;
+  Quat turn = Quat::Identity();        ///< then rigidly about the edits' pivot
+  Vec3 shift = Vec3::Zero();
+  double rms = 0, max = 0;             ///< miss of the skeleton's points, world
+  std::size_t pairs = 0;               ///< skeleton points
+
+  std::shared_ptr<const SpaceMap> map() const;
+};
+
+/// Recovers scale (or stretch), taper, twist and bend that a skeleton underwent in one pose, up to a rigid motion, by least squares
+/// over all their parameters at once. First guesses come from how its frames turn along and across the longest principal axis, its
+/// radii grow and its distances stretch. For single deformations fitBarr() is the exacter. Deterministic.
+/// [Barr 1984: hierarchies of deformations]
+BarrSequence fitBarrSequence(const SkeletonMotion& motion);
 
 }  // namespace fielddeform::map

@@ -73,8 +73,9 @@ CasteljauCurve joinC1(CasteljauCurve curve);
 /// A C1 curve of cubic pieces through the points of a line, with handles across it.
 /// @param line     #L >= 2 points by 3, world, neighbours distinct
 /// @param frames   #L: column 1 is the handle s there, column 2 is t; blended between
-/// @param lengths  #L - 1, > 0: of the pieces
-CasteljauCurve curveThrough(Points line, std::span<const Mat3> frames, std::span<const double> lengths);
+/// @param lengths  #L - 1, > 0: of the pieces; #L if it is closed
+/// @param closed   a last piece goes back to the first point: #L >= 3, C1 there too
+CasteljauCurve curveThrough(Points line, std::span<const Mat3> frames, std::span<const double> lengths, bool closed = false);
 
 /// The curves of a skeleton line at rest and posed, to carry space from one to the other (CasteljauMap's second constructor).
 /// Rest frames are carried along the line without spin; posed ones are the rest ones rotated.
@@ -85,8 +86,9 @@ struct CasteljauPair {
 /// @param rotation     #L, rest to posed (skeleton::fitFrames gives them, roll included); empty: the least rotation between the
 ///                     tangents at the first point, carried along without spin
 /// @param scale        #L, > 0: how space across the line grows; empty: 1
+/// @param closed       as in curveThrough(); what the frames miss after one round is spread along the line
 /// @throw std::invalid_argument if counts differ or neighbouring points coincide
-CasteljauPair curvesAlong(Points rest, Points posed, std::span<const Quat> rotation = {}, std::span<const double> scale = {});
+CasteljauPair curvesAlong(Points rest, Points posed, std::span<const Quat> rotation = {}, std::span<const double> scale = {}, bool closed = false);
 
 /// x' = x + F_posed(u, v, w) - F_rest(u, v, w), where x = F_rest(u, v, w). Statuses: Fixed where the displacement is exactly zero (always
 /// where nothing was edited); Converged; Stalled for points that the rest curve's space does not reach (they stay, with
@@ -98,12 +100,15 @@ class CasteljauMap final : public SpaceMap {
   CasteljauMap(CasteljauCurve posed, const LatticeBox& frame, Outside outside = Outside::Extend);
   /// Space parametrised by another curve, of the same degrees and lengths: each point takes the place where the curve's cross
   /// plane contains it, of several the nearest.
-  CasteljauMap(CasteljauCurve rest, CasteljauCurve posed, Outside outside = Outside::Extend);
+  /// @param closed  the curves' ends are joined: nothing lies beyond them
+  CasteljauMap(CasteljauCurve rest, CasteljauCurve posed, Outside outside = Outside::Extend, bool closed = false);
 
   const CasteljauCurve& posed() const noexcept;
   Vec3 position(const Vec3& rest) const;
 
   std::shared_ptr<const Binding> bind(Points rest) const override;
+  /// Places along the same rest curve (or in the same frame) are taken over.
+  std::shared_ptr<const Binding> bindAgain(const Binding* earlier, Points rest) const override;
   void apply(const Binding& binding, MapOutput out, Progress& progress) const override;
   void jacobians(const Binding& binding, std::span<Mat3> out) const override;
 

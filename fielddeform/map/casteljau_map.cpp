@@ -43,6 +43,7 @@ std::vector<double> knotsOf(const CasteljauCurve& curve) {
 struct CasteljauMap::Model {
   CasteljauCurve posed;
   Outside outside = Outside::Extend;
+  bool closed = false;                    ///< nothing lies beyond the ends
   std::optional<LatticeBox> frame;        ///< else the rest curve
   Mat3 toFrame = Mat3::Identity();
   std::vector<double> knots;
@@ -66,7 +67,7 @@ struct CasteljauMap::Model {
   }
 
   SweepPlace place(const Vec3& x) const {
-    if (!frame) return detail::locate(rest, x, outside == Outside::Extend);
+    if (!frame) return detail::locate(rest, x, outside == Outside::Extend && !closed);
     SweepPlace p;
     const Vec3 uvw = toFrame * (x - frame->origin);
     p.found = uvw.allFinite();
@@ -76,9 +77,18 @@ struct CasteljauMap::Model {
     return p;
   }
 
+  /// Whether points have the same places in both.
+  bool placesAs(const Model& other) const {
+    if (outside != other.outside || closed != other.closed || frame != other.frame || knots != other.knots || rest.size() != other.rest.size())
+      return false;
+    for (std::size_t k = 0; k < rest.size(); ++k)
+      if (rest[k].c != other.rest[k].c || rest[k].s != other.rest[k].s || rest[k].t != other.rest[k].t) return false;
+    return true;
+  }
+
   PointKind kindOf(const Vec3& x, const SweepPlace& p) const {
     if (!x.allFinite()) return PointKind::Invalid;
-    if (!p.found) return outside == Outside::Keep && !frame ? PointKind::Kept : PointKind::Stalled;
+    if (!p.found) return outside == Outside::Keep && !frame && !closed ? PointKind::Kept : PointKind::Stalled;
     if (p.uvw.x() >= 0 && p.uvw.x() <= 1) return PointKind::Inside;
     return outside == Outside::Keep ? PointKind::Kept : PointKind::Beyond;
   }
@@ -117,8 +127,11 @@ CasteljauMap::CasteljauMap(CasteljauCurve posed, const LatticeBox& frame, Outsid
   model_ = std::move(model);
 }
 
-CasteljauMap::CasteljauMap(CasteljauCurve rest, CasteljauCurve posed, Outside outside)
-    : model_(std::make_shared<const Model>(std::move(posed), rest, outside)) {}
+CasteljauMap::CasteljauMap(CasteljauCurve rest, CasteljauCurve posed, Outside outside, bool closed) {
+  auto model = std::make_shared<Model>(std::move(posed), rest, outside);
+  model->closed = closed;
+  model_ = std::move(model);
+}
 
 const CasteljauCurve& CasteljauMap::posed() const noexcept { return model_->posed; }
 
@@ -153,6 +166,14 @@ std::shared_ptr<const Binding> CasteljauMap::bind(Points rest) const {
     }
   });
   return bound;
+}
+
+std::shared_ptr<const Binding> CasteljauMap::bindAgain(const Binding* earlier, Points rest) const {
+  const auto* last = dynamic_cast<const Bound*>(earlier);
+  if (!last || last->size() != rest.size() || !model_->placesAs(*last->model)) return bind(rest);
+  auto again = std::make_shared<Bound>(*last);
+  again->model = model_;
+  return again;
 }
 
 /// Displacements of some neighbouring points: side by side where all are inside one piece.

@@ -1,4 +1,5 @@
 #include <fielddeform/core/parallel.h>
+#include <fielddeform/map/detail/tricubic.h>
 #include <fielddeform/map/extended_lattice.h>
 #include <fielddeform/numeric/elementary.h>
 #include <fielddeform/numeric/min_norm.h>
@@ -13,45 +14,16 @@
 namespace fielddeform::map {
 namespace {
 
+using detail::localJacobian;
+using detail::Weights;
+using detail::weightsAt;
+
 constexpr std::size_t kGrain = 256;
 constexpr double kEdge = 1e-10;     // of [0, 1]: how far outside a point on a common face may be found
 constexpr int kMostCells = 64;
 
 void checkSize(const char* name, std::size_t found, std::size_t expected) {
   if (found != expected) throw std::invalid_argument(fmt::format("{} has {} elements, expected {}", name, found, expected));
-}
-
-using Row4 = std::array<double, 4>;
-Row4 bernstein(double t) {
-  const double s = 1 - t;
-  return {s * s * s, 3 * s * s * t, 3 * s * t * t, t * t * t};
-}
-Row4 slopes(double t) {
-  const double s = 1 - t;
-  return {-3 * s * s, 3 * s * s - 6 * s * t, 6 * s * t - 3 * t * t, 3 * t * t};
-}
-
-using Weights = std::array<double, 64>;
-Weights weightsAt(const Vec3& u) {
-  const Row4 a = bernstein(u[0]), b = bernstein(u[1]), c = bernstein(u[2]);
-  Weights w;
-  for (std::size_t n = 0; n < 64; ++n) w[n] = a[n % 4] * b[n / 4 % 4] * c[n / 16];
-  return w;
-}
-
-// Derivative by the local coordinates of what the nodes' values give, column = coordinate.
-template <class Value>
-Mat3 localJacobian(const Vec3& u, Value&& value) {
-  std::array<Row4, 3> b{bernstein(u[0]), bernstein(u[1]), bernstein(u[2])}, d{slopes(u[0]), slopes(u[1]), slopes(u[2])};
-  Mat3 j = Mat3::Zero();
-  for (std::size_t n = 0; n < 64; ++n) {
-    const std::size_t i = n % 4, k = n / 4 % 4, l = n / 16;
-    const Vec3 p = value(n);
-    j.col(0) += d[0][i] * b[1][k] * b[2][l] * p;
-    j.col(1) += b[0][i] * d[1][k] * b[2][l] * p;
-    j.col(2) += b[0][i] * b[1][k] * d[2][l] * p;
-  }
-  return j;
 }
 
 void requireCells(const std::array<int, 3>& cells, int leastAround) {
@@ -283,6 +255,19 @@ ExtendedLatticeMap::Place ExtendedLatticeMap::locate(const Vec3& rest) const {
   return place;
 }
 
+std::size_t ExtendedLatticeMap::outsideCount(const Binding& binding) const {
+  const Bound& b = own(binding);
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < b.size(); ++i) count += b.place[i].cell == kNoIndex && b.rest[i].allFinite();
+  return count;
+}
+
+ExtendedLattice ExtendedLatticeMap::lattice() const {
+  ExtendedLattice out = *model_;
+  out.displacements = displacements_;
+  return out;
+}
+
 std::shared_ptr<const Binding> ExtendedLatticeMap::bind(Points rest) const {
   auto bound = std::make_shared<Bound>();
   bound->model = model_;
@@ -375,7 +360,8 @@ void ExtendedLatticeMap::jacobians(const Binding& binding, std::span<Mat3> out) 
       const Vec3& u = b.place[i].uvw;
       const Mat3 rest = localJacobian(u, [&](std::size_t n) { return Vec3(model_->nodes[cell[n]] - b.rest[i]); });
       const Mat3 moved = localJacobian(u, [&](std::size_t n) { return displacements_[cell[n]]; });
-      out[i] += moved * rest.inverse();
+      const Mat3 change = moved * rest.inverse();
+      if (change.allFinite()) out[i] += change;  // not at a collapsed edge
     }
   });
 }

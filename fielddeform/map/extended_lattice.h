@@ -33,6 +33,20 @@ struct CylinderLattice {
 /// 1e-4 of the radius at 8 cells around.
 ExtendedLattice cylinderLattice(const CylinderLattice& tube);
 
+/// Lattices put together: nodes that stand within `tolerance` of each other, a share of the whole's size, become one (the first
+/// of them), so that cells whose faces meet node by node share them. Displacements of nodes that become one are averaged.
+/// @param nodeOf  if given, receives where the nodes of each part are in the result
+/// @throw std::invalid_argument if a part is not valid, or they span more than a double holds
+ExtendedLattice weld(std::span<const ExtendedLattice> parts, double tolerance = 1e-9, std::vector<std::vector<Index>>* nodeOf = nullptr);
+
+/// The first cell whose rest geometry is turned inside out or flat somewhere within: points there have no one place in it. Looked for
+/// at 5 x 5 x 5 places of each cell; kNoIndex if there is none.
+Index foldedCell(const ExtendedLattice& lattice);
+
+/// The lattice carried over from the box of its nodes along x, y, z to another, displacements with it.
+/// @throw std::invalid_argument
+ExtendedLattice refit(ExtendedLattice lattice, const LatticeBox& box);
+
 /// Three nodes in a row over a common face: the displacement is C1 across it where out - face = ratio (face - in), as the rest
 /// nodes are.
 struct Joint {
@@ -61,6 +75,10 @@ class ExtendedLatticeMap final : public LinearMap {
   };
   /// Where a point lies: the first cell that contains it.
   Place locate(const Vec3& rest) const;
+  /// How many of the bound points lie in no cell, those that are not finite not counted.
+  std::size_t outsideCount(const Binding& binding) const;
+  /// What the map was made from, with the displacements it has.
+  ExtendedLattice lattice() const;
 
   std::size_t nodeCount() const override { return model_->nodes.size(); }
   Points restNodes() const override { return model_->nodes; }

@@ -24,6 +24,8 @@ struct ZonedMap::Bound final : Binding {
   std::vector<Vec3> rest;
   std::vector<double> weight;
   std::vector<Vec3> slope;  // of the weight
+  std::shared_ptr<const field::Field> field;
+  double band = 0;
 };
 
 ZonedMap::ZonedMap(std::shared_ptr<const SpaceMap> map, std::shared_ptr<const field::Field> field, double band)
@@ -38,10 +40,24 @@ const ZonedMap::Bound& ZonedMap::own(const Binding& binding) const {
   return *bound;
 }
 
-std::shared_ptr<const Binding> ZonedMap::bind(Points rest) const {
+std::shared_ptr<const Binding> ZonedMap::bindAgain(const Binding* earlier, Points rest) const {
+  const auto* last = dynamic_cast<const Bound*>(earlier);
+  std::shared_ptr<const Binding> inner = map_->bindAgain(last ? last->inner.get() : nullptr, rest);
+  if (!last || last->field != field_ || last->band != band_ || last->size() != rest.size()) return bound(rest, std::move(inner));
+  auto again = std::make_shared<Bound>(*last);
+  again->map = map_;
+  again->inner = std::move(inner);
+  return again;
+}
+
+std::shared_ptr<const Binding> ZonedMap::bind(Points rest) const { return bound(rest, map_->bind(rest)); }
+
+std::shared_ptr<const Binding> ZonedMap::bound(Points rest, std::shared_ptr<const Binding> inner) const {
   auto bound = std::make_shared<Bound>();
   bound->map = map_;
-  bound->inner = map_->bind(rest);
+  bound->inner = std::move(inner);
+  bound->field = field_;
+  bound->band = band_;
   bound->rest.assign(rest.begin(), rest.end());
   bound->weight.assign(rest.size(), 0.0);
   bound->slope.assign(rest.size(), Vec3::Zero());

@@ -16,6 +16,8 @@ class ZonedMap final : public SpaceMap {
   ZonedMap(std::shared_ptr<const SpaceMap> map, std::shared_ptr<const field::Field> field, double band);
 
   std::shared_ptr<const Binding> bind(Points rest) const override;
+  /// Keeps w, too, for maps confined by the same field object and band.
+  std::shared_ptr<const Binding> bindAgain(const Binding* earlier, Points rest) const override;
   void apply(const Binding& binding, MapOutput out, Progress& progress) const override;
   void jacobians(const Binding& binding, std::span<Mat3> out) const override;
   /// w of every bound point, in [0, 1].
@@ -24,6 +26,7 @@ class ZonedMap final : public SpaceMap {
  private:
   struct Bound;
   const Bound& own(const Binding& binding) const;
+  std::shared_ptr<const Binding> bound(Points rest, std::shared_ptr<const Binding> inner) const;
   std::shared_ptr<const SpaceMap> map_;
   std::shared_ptr<const field::Field> field_;
   double band_;

@@ -21,6 +21,7 @@ struct PointwiseMap::Bound final : Binding {
   std::shared_ptr<const char> token;
   std::vector<Vec3> rest, displacement;
   std::vector<Status> status;
+  std::shared_ptr<const RestSide> side;  // null: nothing was kept
 };
 
 PointwiseMap::PointwiseMap() : token_(std::make_shared<const char>('\0')) {}
@@ -36,16 +37,28 @@ Vec3 PointwiseMap::position(const Vec3& rest) const {
   return d.isZero(0) ? rest : Vec3(rest + d);  // keeps the sign of zeros, too
 }
 
-std::shared_ptr<const Binding> PointwiseMap::bind(Points rest) const {
+std::shared_ptr<const Binding> PointwiseMap::bind(Points rest) const { return boundBy(rest, nullptr); }
+
+std::shared_ptr<const Binding> PointwiseMap::bindAgain(const Binding* earlier, Points rest) const {
+  const auto* last = dynamic_cast<const Bound*>(earlier);
+  std::vector<double> key = restKey();
+  if (last && last->side && last->side->size == rest.size() && last->side->key == key) return boundBy(rest, last->side);
+  const std::shared_ptr<RestSide> side = keepRest(rest);
+  if (side) side->key = std::move(key), side->size = rest.size();
+  return boundBy(rest, side);
+}
+
+std::shared_ptr<const Binding> PointwiseMap::boundBy(Points rest, std::shared_ptr<const RestSide> side) const {
   auto bound = std::make_shared<Bound>();
   bound->token = token_;
   bound->rest.assign(rest.begin(), rest.end());
   bound->displacement.assign(rest.size(), Vec3::Zero());
   bound->status.assign(rest.size(), Status::Invalid);
+  bound->side = std::move(side);
   parallelFor(rest.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (!rest[i].allFinite()) continue;
-      const Vec3 d = displacement(rest[i]);
+      const Vec3 d = bound->side ? displacementOf(*bound->side, i, rest[i]) : displacement(rest[i]);
       if (!(rest[i] + d).allFinite()) continue;
       bound->displacement[i] = d;
       bound->status[i] = d.isZero(0) ? Status::Fixed : Status::Converged;

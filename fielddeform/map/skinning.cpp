@@ -1,3 +1,4 @@
+#include <fielddeform/core/parallel.h>
 #include <fielddeform/core/rigid.h>
 #include <fielddeform/map/detail/jet.h>
 #include <fielddeform/map/skinning.h>
@@ -8,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <stdexcept>
 
 namespace fielddeform::map {
@@ -196,18 +198,70 @@ Vec3 SkinningMap::moveOf(const Bone& b, const Vec3& rest) const {
   return b.move + (b.scale * (b.rotation * from) - from);
 }
 
+// The weights of all points, one after the other.
+struct SkinningMap::Kept final : RestSide {
+  struct Entry {
+    Index bone;
+    double value;
+  };
+  std::vector<std::size_t> start{0};  // #P + 1
+  std::vector<Entry> entry;
+};
+
+std::vector<double> SkinningMap::restKey() const {
+  std::vector<double> key{options_.sharpness};
+  for (const Bone& b : bones_)
+    key.insert(key.end(), {b.a.x(), b.a.y(), b.a.z(), b.b.x(), b.b.y(), b.b.z(), b.radius, b.mass, static_cast<double>(b.potential)});
+  return key;
+}
+
+std::shared_ptr<RestSide> SkinningMap::keepRest(Points rest) const {
+  constexpr std::size_t kGrain = 1024;
+  std::vector<std::vector<Kept::Entry>> parts((rest.size() + kGrain - 1) / kGrain);
+  std::vector<std::size_t> count(rest.size(), 0);
+  parallelFor(parts.size(), 1, [&](std::size_t begin, std::size_t end) {
+    std::vector<Weight> weights;
+    for (std::size_t part = begin; part < end; ++part)
+      for (std::size_t p = part * kGrain; p < std::min((part + 1) * kGrain, rest.size()); ++p) {
+        if (!rest[p].allFinite()) continue;
+        weigh(rest[p], false, weights);
+        count[p] = weights.size();
+        for (const Weight& w : weights) parts[part].push_back({w.bone, w.value});
+      }
+  });
+  auto kept = std::make_shared<Kept>();
+  for (const std::size_t n : count) kept->start.push_back(kept->start.back() + n);
+  kept->entry.reserve(kept->start.back());
+  for (auto& part : parts) {
+    kept->entry.insert(kept->entry.end(), part.begin(), part.end());
+    part = {};
+  }
+  return kept;
+}
+
+Vec3 SkinningMap::displacementOf(const RestSide& side, std::size_t i, const Vec3& rest) const {
+  if (identity_) return Vec3::Zero();
+  const auto& kept = static_cast<const Kept&>(side);
+  return blended(std::span(kept.entry).subspan(kept.start[i], kept.start[i + 1] - kept.start[i]), rest);
+}
+
 Vec3 SkinningMap::displacement(const Vec3& rest) const {
   if (identity_) return Vec3::Zero();
   thread_local std::vector<Weight> weights;
   weigh(rest, false, weights);
+  return blended(weights, rest);
+}
+
+template <class Weights>
+Vec3 SkinningMap::blended(const Weights& weights, const Vec3& rest) const {
   Vec3 sum = Vec3::Zero();
   if (options_.blend == SkinBlend::Linear) {
-    for (const Weight& w : weights) sum += w.value * moveOf(bones_[w.bone], rest);
+    for (const auto& w : weights) sum += w.value * moveOf(bones_[w.bone], rest);
     return sum;
   }
   // In coordinates whose origin is the point, the blended motion's translation is its displacement.
   Eigen::Vector4d real = Eigen::Vector4d::Zero(), dual = Eigen::Vector4d::Zero();
-  for (const Weight& w : weights) {
+  for (const auto& w : weights) {
     const Quat& q = bones_[w.bone].rotation;
     const Vec3 t = moveOf(bones_[w.bone], rest);
     real += w.value * q.coeffs();

@@ -50,7 +50,13 @@ class SkinningMap final : public PointwiseMap {
   Vec3 displacement(const Vec3& rest) const override;
   Mat3 jacobian(const Vec3& rest) const override;
 
+ protected:
+  std::vector<double> restKey() const override;
+  std::shared_ptr<RestSide> keepRest(Points rest) const override;
+  Vec3 displacementOf(const RestSide& side, std::size_t i, const Vec3& rest) const override;
+
  private:
+  struct Kept;
   struct Weight {
     Index bone;
     double value;  // sum 1
@@ -58,6 +64,8 @@ class SkinningMap final : public PointwiseMap {
   };
   void weigh(const Vec3& rest, bool slopes, std::vector<Weight>& out) const;
   Vec3 moveOf(const Bone& bone, const Vec3& rest) const;
+  template <class Weights>
+  Vec3 blended(const Weights& weights, const Vec3& rest) const;
 
   std::vector<Bone> bones_;
   SkinOptions options_;

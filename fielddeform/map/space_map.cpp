@@ -4,6 +4,8 @@
 
 namespace fielddeform::map {
 
+std::shared_ptr<const Binding> SpaceMap::bindAgain(const Binding*, Points rest) const { return bind(rest); }
+
 std::shared_ptr<const Binding> SpaceMap::bindMidpoints(const Binding&, Points rest,
                                                        std::span<const std::array<Index, 2>> ends) const {
   std::vector<Vec3> middle(ends.size());

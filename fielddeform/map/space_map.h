@@ -35,6 +35,12 @@ class SpaceMap {
   /// Cost: the expensive half; do it once per mesh.
   virtual std::shared_ptr<const Binding> bind(Points rest) const = 0;
 
+  /// bind(), the same bits, for poses of one rest side one after the other: what only the rest side decides (closest points,
+  /// weights) is kept in the binding, and taken over from the last pose's.
+  /// @param earlier  the binding of the same points by a map of the same kind, or null: the first. Whatever does not fit is made anew
+  /// By default it keeps nothing.
+  virtual std::shared_ptr<const Binding> bindAgain(const Binding* earlier, Points rest) const;
+
   /// Binds the midpoints of pairs of points of an existing binding.
   /// @param binding  the binding of `rest`
   /// @param rest     #P by 3, the points that `binding` was made of

@@ -1,3 +1,4 @@
+#include <fielddeform/map/detail/feet.h>
 #include <fielddeform/map/detail/jet_curve.h>
 #include <fielddeform/map/detail/line_curves.h>
 #include <fielddeform/map/wires.h>
@@ -59,9 +60,14 @@ struct WireMap::Wire {
   LineCurves curves;
   std::optional<SplineCurve> domain;
 
-  JetVec at(const Vec3& rest) const {
+  struct Pull {
+    JetVec move;
+    Jet density;  // F
+  };
+
+  Pull at(const Vec3& rest, const SplineCurve::Foot* foot) const {
     const JetVec x{rest, Mat3::Identity()};
-    const Jet t = closestAt(curves.rest, x);
+    const Jet t = foot ? closestAt(curves.rest, x, *foot) : closestAt(curves.rest, x);
     const SplineCurve::Place r = curves.rest.at(t.v), w = curves.posed.at(t.v), number = curves.numbers.at(t.v);
     const JetVec p = pointAt(r, t), offset = x - p;
     const Jet d2 = dot(offset, offset);
@@ -75,7 +81,7 @@ struct WireMap::Wire {
       move = move + turnedBy(offset + move, f * rotationBetween(from, to));
       move = move + turnBy(offset + move, to, f * twist);
     }
-    return move + f * (pointAt(w, t) - p);
+    return {move + f * (pointAt(w, t) - p), f};
   }
 
   Jet reachOf(const JetVec& offset, const Jet& d2, const JetVec& p, const Jet& radius) const {
@@ -90,6 +96,7 @@ struct WireMap::Wire {
 
 void WireOptions::validate() const {
   if (blend && !(*blend >= 0 && *blend <= 100)) throw std::invalid_argument(fmt::format("blend is {}, must be 0 to 100", *blend));
+  if (!(local >= 0 && local <= 100)) throw std::invalid_argument(fmt::format("local is {}, must be 0 to 100", local));
 }
 
 WireMap::~WireMap() = default;
@@ -112,25 +119,40 @@ WireMap::WireMap(const SkeletonMotion& motion, const WireOptions& options) : opt
     (*wires)[static_cast<std::size_t>(at - names.begin())].domain.emplace(lineCurves(motion, i, "wires").rest);
   }
   wires_ = std::move(wires);
+  restNumbers_ = restNumbers(motion);
+}
+
+std::shared_ptr<RestSide> WireMap::keepRest(Points rest) const {
+  return feetOf(rest, wires_->size(), [&](std::size_t i) -> const SplineCurve& { return (*wires_)[i].curves.rest; });
+}
+
+Vec3 WireMap::displacementOf(const RestSide& side, std::size_t i, const Vec3& rest) const {
+  return identity_ ? Vec3(Vec3::Zero()) : moveOf(rest, static_cast<const Feet&>(side).of(i)).v;
 }
 
 std::size_t WireMap::wireCount() const noexcept { return wires_->size(); }
 
-Vec3 WireMap::displacementBy(std::size_t wire, const Vec3& rest) const { return wires_->at(wire).at(rest).v; }
+Vec3 WireMap::displacementBy(std::size_t wire, const Vec3& rest) const { return wires_->at(wire).at(rest, nullptr).move.v; }
 
 namespace {
 
-// sum D |D|^m / sum |D|^m, the greatest length taken out.
-JetVec shared(const std::vector<JetVec>& all, double m) {
-  double greatest = 0;
-  for (const JetVec& d : all) greatest = std::max(greatest, d.v.norm());
+// (x / greatest)^m of a jet x > 0.
+Jet share(const Jet& x, double greatest, double m) {
+  if (m == 0) return {1, Vec3::Zero()};
+  const double ratio = x.v / greatest, power = numeric::exp(m * numeric::log(ratio));
+  return compose(power, m * power / ratio / greatest, x);
+}
+
+// sum D |D|^m F^k / sum |D|^m F^k, the greatest length and density taken out.
+template <class Pull>
+JetVec shared(const std::vector<Pull>& all, double m, double k) {
+  double longest = 0, densest = 0;
+  for (const Pull& p : all) longest = std::max(longest, p.move.v.norm()), densest = std::max(densest, p.density.v);
   JetVec sum;
   Jet weights;
-  for (const JetVec& d : all) {
-    const Jet length = norm(d);
-    const double ratio = length.v / greatest, power = m == 0 ? 1 : numeric::exp(m * numeric::log(ratio));
-    const Jet w = compose(power, m == 0 ? 0 : m * power / ratio / greatest, length);
-    sum = sum + w * d;
+  for (const Pull& p : all) {
+    const Jet w = share(norm(p.move), longest, m) * share(p.density, densest, k);
+    sum = sum + w * p.move;
     weights = weights + w;
   }
   return Jet{1, Vec3::Zero()} / weights * sum;
@@ -138,15 +160,15 @@ JetVec shared(const std::vector<JetVec>& all, double m) {
 
 }  // namespace
 
-detail::JetVec WireMap::moveOf(const Vec3& rest) const {
-  std::vector<JetVec> all;
-  for (const Wire& wire : *wires_)
-    if (const JetVec d = wire.at(rest); !d.v.isZero(0)) all.push_back(d);
+detail::JetVec WireMap::moveOf(const Vec3& rest, const SplineCurve::Foot* feet) const {
+  std::vector<Wire::Pull> all;
+  for (std::size_t i = 0; i < wires_->size(); ++i)
+    if (const Wire::Pull p = (*wires_)[i].at(rest, feet ? feet + i : nullptr); !p.move.v.isZero(0)) all.push_back(p);
   if (all.empty()) return {};
-  if (all.size() == 1) return all[0];
-  if (options_.blend) return shared(all, *options_.blend);
+  if (all.size() == 1) return all[0].move;
+  if (options_.blend) return shared(all, *options_.blend, options_.local);
   JetVec sum;
-  for (const JetVec& d : all) sum = sum + d;
+  for (const Wire::Pull& p : all) sum = sum + p.move;
   return sum;
 }
 

@@ -17,6 +17,9 @@ struct WireOptions {
   /// How several wires share a point, m >= 0: x' = x + sum D_i |D_i|^m / sum |D_i|^m, so that wires that say the same say it
   /// once; greater m favour the greater displacement. Absent: the sum of all D_i.
   std::optional<double> blend = 1;
+  /// Local influence, k >= 0: shares are weighted by F_i^k, too, so that the wire that is nearest in its own radii has its way;
+  /// beside a sum it says nothing.
+  double local = 0;
 
   void validate() const;  ///< @throw std::invalid_argument
 };
@@ -44,10 +47,16 @@ class WireMap final : public PointwiseMap {
   Vec3 displacement(const Vec3& rest) const override;
   Mat3 jacobian(const Vec3& rest) const override;
 
+ protected:
+  std::vector<double> restKey() const override { return restNumbers_; }
+  std::shared_ptr<RestSide> keepRest(Points rest) const override;
+  Vec3 displacementOf(const RestSide& side, std::size_t i, const Vec3& rest) const override;
+
  private:
   struct Wire;
-  detail::JetVec moveOf(const Vec3& rest) const;
+  detail::JetVec moveOf(const Vec3& rest, const SplineCurve::Foot* feet = nullptr) const;
   std::shared_ptr<const std::vector<Wire>> wires_;
+  std::vector<double> restNumbers_;
   WireOptions options_;
   bool identity_;
 };

@@ -17,6 +17,7 @@ namespace fielddeform::scene::detail {
 namespace {
 
 constexpr map::PairOptions kCentres{.offset = 0.6, .rings = 2, .most = 2000};  // of the dense interpolant
+constexpr double kClearly = 0.5;                // several of Barr's deformations must miss by so much less than one
 constexpr double kFarOff = 1e-3;                // of the skeleton's size: a fit that misses more is warned of
 
 double sizeOf(const map::PointPairs& pairs) {
@@ -41,6 +42,16 @@ FitReport measured(std::string found, const map::SpaceMap& map, const map::Point
   }
   fit.rms = std::sqrt(fit.rms);
   return fit;
+}
+
+// The root of the mean squared miss of all pairs, frame points too: they see twists of straight lines.
+double missOfFrames(const map::SpaceMap& map, const map::PointPairs& pairs) {
+  std::vector<Vec3> image(pairs.rest.size());
+  Progress silent;
+  map.apply(*map.bind(pairs.rest), {.position = image, .safe = {}, .status = {}, .residual = {}}, silent);
+  double sum = 0;
+  for (std::size_t i = 0; i < image.size(); ++i) sum += (image[i] - pairs.posed[i]).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(image.size()));
 }
 
 map::BarrEdit at(map::BarrEdit edit, double t) {
@@ -87,17 +98,24 @@ std::optional<map::BarrKind> kindOf(const std::string& word) {
   return std::nullopt;
 }
 
-std::string described(const map::BarrFit& fit) {
-  const double degrees = fit.edit.angle * 180 / 3.14159265358979323846;
-  if (fit.rigid) return "rigid motion";
-  switch (fit.edit.kind) {
+std::string described(const map::BarrEdit& edit) {
+  const double degrees = edit.angle * 180 / 3.14159265358979323846;
+  switch (edit.kind) {
     case map::BarrKind::Twist:
-    case map::BarrKind::Bend: return fmt::format("{} by {:.6g} degrees", toString(fit.edit.kind), degrees);
-    case map::BarrKind::Stretch: return fmt::format("stretch by {:.6g}", fit.edit.factor[0]);
-    case map::BarrKind::Taper: return fmt::format("taper by {:.6g} and {:.6g}", fit.edit.factor[0], fit.edit.factor[1]);
+    case map::BarrKind::Bend: return fmt::format("{} by {:.6g} degrees", toString(edit.kind), degrees);
+    case map::BarrKind::Stretch: return fmt::format("stretch by {:.6g}", edit.factor[0]);
+    case map::BarrKind::Taper: return fmt::format("taper by {:.6g} and {:.6g}", edit.factor[0], edit.factor[1]);
     case map::BarrKind::Scale: break;
   }
-  return fmt::format("scale by {:.6g}, {:.6g}, {:.6g}", fit.edit.factor[0], fit.edit.factor[1], fit.edit.factor[2]);
+  return fmt::format("scale by {:.6g}, {:.6g}, {:.6g}", edit.factor[0], edit.factor[1], edit.factor[2]);
+}
+
+constexpr std::string_view kThen = ", then ";
+
+std::string described(const std::vector<map::BarrEdit>& edits) {
+  std::string text;
+  for (const map::BarrEdit& edit : edits) text += (text.empty() ? "" : std::string(kThen)) + described(edit);
+  return text;
 }
 
 ClassicMap skin(const ClassicInput& in, map::SkinBlend blend, std::string_view word) {
@@ -105,6 +123,27 @@ ClassicMap skin(const ClassicInput& in, map::SkinBlend blend, std::string_view w
   const field::FieldOptions& field = in.scene.tracking.field;
   return {std::make_shared<map::SkinningMap>(
       motion, map::SkinOptions{.blend = blend, .potential = field.potential, .sharpness = field.sharpness})};
+}
+
+// The deformation nearest to two poses: one if that does, else several in Barr's order. Poses on the way are of the kind found.
+void fitTo(const map::SkeletonMotion& motion, const std::string& found, const map::PointPairs& pairs, ClassicMap& out) {
+  if (motion.unedited) {
+    out.map = std::make_shared<map::BarrMap>(map::BarrEdit{});
+    out.fit = measured("nothing edited", *out.map, pairs);
+    return;
+  }
+  const bool several = found.find(kThen) != std::string::npos;
+  if (!several) {
+    const map::BarrFit fit = map::fitBarr(motion, {.kind = kindOf(found)});
+    out.map = std::make_shared<map::BarrMap>(fit.map());
+    out.fit = measured(fit.rigid ? "rigid motion" : described(fit.edit), *out.map, pairs);
+    if (!found.empty() || !(missOfFrames(*out.map, pairs) > kFarOff * sizeOf(pairs))) return;
+  }
+  const map::BarrSequence sequence = map::fitBarrSequence(motion);
+  const auto map = sequence.map();
+  if (!several && !(missOfFrames(*map, pairs) < kClearly * missOfFrames(*out.map, pairs))) return;
+  out.map = map;
+  out.fit = measured(described(sequence.edits), *map, pairs);
 }
 
 }  // namespace
@@ -117,9 +156,7 @@ ClassicMap makeBarr(const ClassicInput& in) {
     out.map = std::move(edits);
     out.fit = measured(named(in.edits), *out.map, pairs);
   } else {
-    const map::BarrFit fit = map::fitBarr(motion, {.kind = kindOf(in.found)});
-    out.map = std::make_shared<map::BarrMap>(motion.unedited ? map::BarrMap(map::BarrEdit{}) : fit.map());
-    out.fit = measured(motion.unedited ? "nothing edited" : described(fit), *out.map, pairs);
+    fitTo(motion, in.found, pairs, out);
   }
   if (out.fit->max > kFarOff * sizeOf(pairs))
     out.warnings.push_back(fmt::format("the skeleton's motion is none of Barr's deformations: the nearest, {}, misses its points by up to {:.3g}",
@@ -160,11 +197,11 @@ ClassicMap makeAxial(const ClassicInput& in) {
 }
 
 ClassicMap makeCasteljau(const ClassicInput& in) {
-  return {std::make_shared<map::CasteljauMap>(map::casteljauAlong(map::motionOf(in.pair, "casteljau")))};
+  return {map::casteljauBy(map::motionOf(in.pair, "casteljau"))};
 }
 
 ClassicMap makeWires(const ClassicInput& in) {
-  return {std::make_shared<map::WireMap>(map::motionOf(in.pair, "wires"), map::WireOptions{.blend = in.scene.wireBlend})};
+  return {std::make_shared<map::WireMap>(map::motionOf(in.pair, "wires"), map::WireOptions{.blend = in.scene.wireBlend, .local = in.scene.wireLocal})};
 }
 
 }  // namespace fielddeform::scene::detail

@@ -19,7 +19,7 @@ bool chooseRadii(const Scene& scene, const mesh::Mesh& mesh, skeleton::SkeletonP
   const bool automatic = !scene.tracking.radius && lacking(pair.rest);
   if (scene.tracking.radius) skeleton::fillRadius(pair.rest, *scene.tracking.radius);
   else if (automatic && mesh::objectSize(mesh.positions()) > 0)
-    skeleton::fillAutomaticRadius(pair.rest, mesh.positions(), scene.tracking.autoRadiusFactor);
+    skeleton::fillAutomaticRadius(pair.rest, mesh.positions(), automaticRadiusFactor(scene));
   for (auto& p : pair.rest.primitives)
     if (lacksRadius(p)) p.radius = 1;  // one point has no size to take it from
   for (const auto& p : pair.pairs) {
@@ -103,7 +103,10 @@ class ClassicMethod final : public Method {
     skeleton::SkeletonPair pair = pair_;
     pair.posed = detail::poseAt(skeletons_, scene_, mesh, pair_, t);
     const std::shared_ptr<const map::SpaceMap> map = zoned(make(pair, mesh.positions(), t).map);
-    return applied(*map, *map->bind(mesh.positions()), progress);
+    if (lastPose_ && lastRest_ != mesh.positions()) lastPose_.reset();
+    if (!lastPose_) lastRest_ = mesh.positions();
+    lastPose_ = map->bindAgain(lastPose_.get(), mesh.positions());
+    return applied(*map, *lastPose_, progress);
   }
 
  private:
@@ -144,6 +147,8 @@ class ClassicMethod final : public Method {
   ClassicMap made_;
   std::shared_ptr<const map::SpaceMap> map_;
   std::shared_ptr<const map::Binding> binding_;
+  std::shared_ptr<const map::Binding> lastPose_;  // on the way: the rest side is looked at once
+  std::vector<Vec3> lastRest_;                    // what it binds
   std::shared_ptr<const field::Field> field_;  // null: the method knows no zone
   std::size_t insideCount_ = 0;
   bool radiusWasAutomatic_ = false;

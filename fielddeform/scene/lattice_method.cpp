@@ -1,5 +1,6 @@
 // A scene by lattices, one after the other, as a method of scene::run().
 #include <fielddeform/map/chain.h>
+#include <fielddeform/map/extended_lattice_io.h>
 #include <fielddeform/map/lattice_io.h>
 #include <fielddeform/map/targets_file.h>
 #include <fielddeform/mesh/topology.h>
@@ -7,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 #include <stdexcept>
 
 namespace fielddeform::scene::detail {
@@ -46,12 +48,18 @@ map::Lattice latticeOf(const LatticeRule& rule, Points points) {
   return lattice;
 }
 
+using AnyLattice = std::variant<map::Lattice, map::ExtendedLattice>;
+
 // The lattice of a step for a mesh that has come to `points` so far.
-map::Lattice latticeOf(const LatticeStep& step, Points points) {
+AnyLattice latticeOf(const LatticeStep& step, Points points) {
   if (const auto* rule = std::get_if<LatticeRule>(&step.source)) return latticeOf(*rule, points);
-  const auto* path = std::get_if<std::filesystem::path>(&step.source);
-  map::Lattice lattice = path ? map::readLattice(*path) : std::get<map::Lattice>(step.source);
-  return step.fit ? map::refit(lattice, map::fitBox(points)) : lattice;
+  AnyLattice lattice;
+  if (const auto* path = std::get_if<std::filesystem::path>(&step.source)) lattice = map::readAnyLattice(*path);
+  else if (const auto* given = std::get_if<map::Lattice>(&step.source)) lattice = *given;
+  else lattice = std::get<map::ExtendedLattice>(step.source);
+  if (!step.fit) return lattice;
+  const map::LatticeBox box = map::fitBox(points);
+  return std::visit([&](auto& l) -> AnyLattice { return map::refit(std::move(l), box); }, lattice);
 }
 
 // The lattice's edges as lines, node to node along each axis.
@@ -75,6 +83,31 @@ skeleton::Skeleton edgesOf(const map::Lattice& lattice, const std::vector<Vec3>&
   return edges;
 }
 
+// The edges of cells' control polygons, node to node along each axis; those of common faces once.
+skeleton::Skeleton edgesOf(const map::ExtendedLattice& lattice, const std::vector<Vec3>& nodes) {
+  std::set<std::array<Index, 4>> rows;
+  for (const auto& cell : lattice.cells)
+    for (int axis = 0; axis < 3; ++axis)
+      for (int n = 0; n < 16; ++n) {
+        std::array<Index, 4> row{};
+        for (int i = 0; i < 4; ++i) {
+          std::array<int, 3> at{};
+          at[axis] = i, at[(axis + 1) % 3] = n % 4, at[(axis + 2) % 3] = n / 4;
+          row[i] = cell[static_cast<std::size_t>(at[0] + 4 * (at[1] + 4 * at[2]))];
+        }
+        if (row[3] < row[0]) std::reverse(row.begin(), row.end());
+        rows.insert(row);
+      }
+  skeleton::Skeleton edges;
+  for (const auto& row : rows) {
+    skeleton::Primitive line;
+    line.name = fmt::format("edge {}", edges.primitives.size());
+    for (const Index n : row) line.points.push_back(nodes[n]);
+    edges.primitives.push_back(std::move(line));
+  }
+  return edges;
+}
+
 class LatticeMethod final : public Method {
  public:
   explicit LatticeMethod(const Scene& scene) : scene_(scene) {}
@@ -85,9 +118,14 @@ class LatticeMethod final : public Method {
     std::vector<Vec3> points = mesh.positions();
     if (scene_.output.affectedAttribute) affected_.assign(points.size(), 0.0f);
     for (const LatticeStep& step : scene_.lattices) {
-      map::Lattice lattice = latticeOf(step, points);
-      if (!step.sculpt.moves.empty()) lattice = sculpted(std::move(lattice), step.sculpt, mesh, points);
-      maps_.push_back(std::make_shared<const map::LatticeMap>(std::move(lattice)));
+      AnyLattice any = latticeOf(step, points);
+      if (auto* extended = std::get_if<map::ExtendedLattice>(&any)) {
+        addExtended(std::move(*extended), step, points);
+      } else {
+        auto& lattice = std::get<map::Lattice>(any);
+        if (!step.sculpt.moves.empty()) lattice = sculpted(std::move(lattice), step.sculpt, mesh, points);
+        maps_.push_back(std::make_shared<const map::LatticeMap>(std::move(lattice)));
+      }
       if (!affected_.empty()) markAffected(*maps_.back(), points);
       if (maps_.size() == scene_.lattices.size()) break;
       Progress silent;
@@ -107,6 +145,7 @@ class LatticeMethod final : public Method {
       if (!move.advice.empty()) warnings.push_back(move.advice);
     if (std::all_of(maps_.begin(), maps_.end(), [](const auto& m) { return isStill(*m); }))
       warnings.push_back("no node of the lattice was moved: nothing was deformed");
+    warnings.insert(warnings.end(), outside_.begin(), outside_.end());
     return posed;
   }
 
@@ -124,20 +163,18 @@ class LatticeMethod final : public Method {
 
   void resolve(Scene& scene) const override {
     scene.lattices.clear();
-    for (const auto& map : maps_) scene.lattices.push_back({map->lattice(), false, {}});
+    for (const auto& map : maps_) {
+      if (const auto* extended = dynamic_cast<const map::ExtendedLatticeMap*>(map.get())) scene.lattices.push_back({extended->lattice(), false, {}});
+      else scene.lattices.push_back({dynamic_cast<const map::LatticeMap&>(*map).lattice(), false, {}});
+    }
   }
 
   // Of one lattice whose edges can still be told apart.
   skeleton::SkeletonPair overlay() const override {
     constexpr std::size_t kMostNodes = 1000;
     if (maps_.size() != 1 || maps_[0]->nodeCount() > kMostNodes) return {};
-    const map::Lattice lattice = maps_[0]->lattice();
-    std::vector<Vec3> nodes = lattice.restNodes();
-    skeleton::SkeletonPair pair;
-    pair.rest = edgesOf(lattice, nodes);
-    for (std::size_t i = 0; i < lattice.displacements.size(); ++i) nodes[i] += lattice.displacements[i];
-    pair.posed = edgesOf(lattice, nodes);
-    return pair;
+    if (const auto* extended = dynamic_cast<const map::ExtendedLatticeMap*>(maps_[0].get())) return overlayOf(extended->lattice(), *maps_[0]);
+    return overlayOf(dynamic_cast<const map::LatticeMap&>(*maps_[0]).lattice(), *maps_[0]);
   }
 
   Posed poseAt(const mesh::Mesh& mesh, double t, Progress& progress) override {
@@ -147,11 +184,37 @@ class LatticeMethod final : public Method {
       for (Vec3& d : part) d *= t;
       maps.push_back(map->withDisplacements(part));
     }
+    if (maps.size() == 1) {  // where points lie in a lattice does not depend on its displacements
+      if (!poseBinding_ || poseRest_ != mesh.positions()) {
+        poseRest_ = mesh.positions();
+        poseBinding_ = maps_[0]->bind(poseRest_);
+      }
+      return applied(*maps[0], *poseBinding_, progress);
+    }
     const map::Chain chain(std::move(maps));
     return applied(chain, *chain.bind(mesh.positions()), progress);
   }
 
  private:
+  template <class Lattice>
+  static skeleton::SkeletonPair overlayOf(const Lattice& lattice, const map::LinearMap& map) {
+    std::vector<Vec3> nodes(map.restNodes().begin(), map.restNodes().end());
+    skeleton::SkeletonPair pair;
+    pair.rest = edgesOf(lattice, nodes);
+    for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i] += map.displacements()[i];
+    pair.posed = edgesOf(lattice, nodes);
+    return pair;
+  }
+
+  void addExtended(map::ExtendedLattice lattice, const LatticeStep& step, Points points) {
+    if (!step.sculpt.moves.empty())
+      throw std::invalid_argument("extended lattices do not follow points: expected targets and tools only with other lattices");
+    const auto map = std::make_shared<const map::ExtendedLatticeMap>(std::move(lattice));
+    if (const std::size_t n = map->outsideCount(*map->bind(points)); n > 0)
+      outside_.push_back(fmt::format("{} of {} vertices lie in no cell of the extended lattice: they stay where they are", n, points.size()));
+    maps_.push_back(map);
+  }
+
   map::Lattice sculpted(map::Lattice lattice, const Sculpt& sculpt, const mesh::Mesh& mesh, std::vector<Vec3> points) {
     map::SculptOptions options;
     options.maxNodes = sculpt.maxNodes;
@@ -190,30 +253,33 @@ class LatticeMethod final : public Method {
     }
   }
 
-  void markAffected(const map::LatticeMap& map, Points points) {
+  void markAffected(const map::LinearMap& map, Points points) {
     const std::vector<Vec3> still(map.nodeCount(), Vec3::Zero());
     const std::vector<float> share = map::affectedRegion(map, *map.bind(points), still, map.displacements());
     for (std::size_t v = 0; v < affected_.size(); ++v) affected_[v] = std::max(affected_[v], share[v]);
   }
 
-  static bool isStill(const map::LatticeMap& map) {
+  static bool isStill(const map::LinearMap& map) {
     const Points moved = map.displacements();
     return std::all_of(moved.begin(), moved.end(), [](const Vec3& d) { return d.isZero(0); });
   }
 
-  static Posed applied(const map::Chain& chain, const map::Binding& binding, Progress& progress) {
+  static Posed applied(const map::SpaceMap& map, const map::Binding& binding, Progress& progress) {
     const std::size_t n = binding.size();
     Posed posed{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n)};
-    chain.apply(binding, {.position = posed.position, .safe = {}, .status = posed.status, .residual = posed.residual}, progress);
+    map.apply(binding, {.position = posed.position, .safe = {}, .status = posed.status, .residual = posed.residual}, progress);
     return posed;
   }
 
   const Scene& scene_;
   std::vector<map::MoveReport> moves_;
   std::vector<float> affected_;  // #V, if it is wanted
-  std::vector<std::shared_ptr<const map::LatticeMap>> maps_;
+  std::vector<std::string> outside_;  // warnings
+  std::vector<std::shared_ptr<const map::LinearMap>> maps_;
   std::optional<map::Chain> chain_;
   std::shared_ptr<const map::Binding> binding_;
+  std::shared_ptr<const map::Binding> poseBinding_;  // of one lattice, for poses on the way
+  std::vector<Vec3> poseRest_;                       // what it binds
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fielddeform/gffd/options.h>
+#include <fielddeform/map/extended_lattice.h>
 #include <fielddeform/map/lattice.h>
 #include <fielddeform/map/move_io.h>
 #include <fielddeform/mesh/io.h>
@@ -66,11 +67,11 @@ struct Sculpt {
   double tolerance = 1e-9;                    ///< what targets may miss, share of the lattice's size, > 0
 };
 
-/// One lattice of a scene: a file, the lattice itself, or a rule.
+/// One lattice of a scene: a file (of either kind), the lattice itself, a rule, or an extended lattice.
 struct LatticeStep {
-  std::variant<std::filesystem::path, map::Lattice, LatticeRule> source;
+  std::variant<std::filesystem::path, map::Lattice, LatticeRule, map::ExtendedLattice> source;
   bool fit = false;                           ///< carry the lattice over to the box of this mesh, displacements included
-  Sculpt sculpt{};                            ///< on top of its displacements
+  Sculpt sculpt{};                            ///< on top of its displacements; not of extended lattices
 };
 
 enum class Axis : std::uint8_t { X, Y, Z };
@@ -111,6 +112,7 @@ struct Scene {
   MethodKind method = MethodKind::Gffd;       ///< by skeleton
   std::optional<std::array<int, 3>> latticeNodes;  ///< of the lattice that is fitted to the skeleton; absent: by the box
   std::optional<double> wireBlend = 1;        ///< m >= 0: how several wires share a point (map/wires.h); absent: their sum
+  double wireLocal = 0;                       ///< k >= 0: by how much the nearest wire has its way (map/wires.h)
   RestSource rest;
   std::optional<PosedSource> posed;           ///< a posed skeleton, or edits; not both
   std::vector<skeleton::NamedPair> pairs;

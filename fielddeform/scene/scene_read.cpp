@@ -1,6 +1,7 @@
 #include <fielddeform/core/angle.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
+#include <fielddeform/map/extended_lattice_io.h>
 #include <fielddeform/map/lattice_io.h>
 #include <fielddeform/scene/detail/volume_pass.h>
 #include <fielddeform/scene/scene.h>
@@ -122,7 +123,7 @@ Sculpt readSculpt(const JsonValue& object, const fs::path& folder) {
   return sculpt;
 }
 
-// A file's path, {"file": PATH, "fit": true}, a lattice itself ("axes" among its keys), or a rule.
+// A file's path, {"file": PATH, "fit": true}, a lattice itself ("axes" among its keys, or "cells", "parts"), or a rule.
 LatticeStep readLatticeStep(const JsonValue& value, const fs::path& folder) {
   if (value.kind() == JsonKind::String) return {readPath(value, folder), false, {}};
   if (value.kind() != JsonKind::Object) value.fail("", "a file's path, a lattice, or a rule that makes one");
@@ -133,6 +134,9 @@ LatticeStep readLatticeStep(const JsonValue& value, const fs::path& folder) {
     setFlag(value, "fit", step.fit);
   } else if (value.find("axes")) {
     step.source = map::latticeFromJson(value);
+  } else if (map::isExtendedLattice(value)) {
+    step.source = map::extendedLatticeFromJson(value);
+    if (const auto sculpt = value.find("sculpt")) sculpt->fail("", "no \"sculpt\": extended lattices do not follow points");
   } else {
     step.source = readLatticeRule(value);
   }
@@ -289,6 +293,7 @@ void refuseKeys(const JsonValue& root, MethodKind method, bool givenLattices) {
   unless(MethodOption::Falloff, "tracking");
   unless(MethodOption::Nodes, "nodes");
   unless(MethodOption::WireBlend, "wire_blend");
+  unless(MethodOption::WireBlend, "wire_local");
   for (const char* key : useless)
     if (const auto other = given(root, key))
       other->fail(fmt::format("\"{}\"", key), fmt::format("no such key with the method \"{}\"", toString(method)));
@@ -305,6 +310,7 @@ void readMethod(const JsonValue& root, const fs::path& folder, Scene& scene) {
   refuseKeys(root, scene.method, lattice || given(root, "lattices"));
   if (const auto nodes = given(root, "nodes")) scene.latticeNodes = readNodeNumbers(*nodes, 2, 64);
   if (const auto blend = given(root, "wire_blend")) readWireBlend(*blend, scene);
+  if (const auto local = given(root, "wire_local")) scene.wireLocal = local->inRange(0, 100);
   if (lattice) {
     const JsonValue lattices = root.require("lattices");
     for (const JsonValue step : lattices.array()) scene.lattices.push_back(readLatticeStep(step, folder));
@@ -350,7 +356,7 @@ void checkTogether(const JsonValue& root, const Scene& scene) {
 Scene sceneOf(const JsonDocument& document) {
   document.requireFormat("fielddeform-scene", 1);
   const JsonValue root = document.root();
-  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "nodes", "wire_blend", "lattices", "skeleton", "edits", "symmetry",
+  root.allowKeys({"format", "version", "seed", "inputs", "skip_invalid", "weld", "method", "nodes", "wire_blend", "wire_local", "lattices", "skeleton", "edits", "symmetry",
                   "field", "tracking", "resample", "volume", "mask", "output", "check", "extras"});
   Scene scene;
   readParts(root, document.path().parent_path(), scene);

@@ -1,5 +1,6 @@
 #include <fielddeform/core/atomic_file.h>
 #include <fielddeform/core/json_writer.h>
+#include <fielddeform/map/extended_lattice_io.h>
 #include <fielddeform/map/lattice_io.h>
 #include <fielddeform/scene/detail/scene_json.h>
 #include <fielddeform/scene/detail/volume_pass.h>
@@ -95,6 +96,8 @@ void writeLattices(JsonWriter& json, const Scene& scene, const fs::path* folder)
     json.beginObject(file && step.sculpt.moves.empty() ? JsonLayout::Inline : JsonLayout::Lines);
     if (const auto* lattice = std::get_if<map::Lattice>(&step.source)) {
       map::latticeToJson(*lattice, json);
+    } else if (const auto* extended = std::get_if<map::ExtendedLattice>(&step.source)) {
+      map::extendedLatticeToJson(*extended, json);
     } else if (const auto* rule = std::get_if<LatticeRule>(&step.source)) {
       writeLatticeRule(json, *rule);
     } else {
@@ -164,6 +167,7 @@ void writeSkeletonMethod(JsonWriter& json, const Scene& scene, const fs::path* f
   if (takes(scene.method, MethodOption::WireBlend)) {
     if (scene.wireBlend) json.member("wire_blend", *scene.wireBlend);
     else json.member("wire_blend", "sum");
+    if (scene.wireLocal != 0) json.member("wire_local", scene.wireLocal);
   }
   if (takes(scene.method, MethodOption::Potential)) writeField(json, scene.tracking);
   if (takes(scene.method, MethodOption::Tracking)) {

@@ -77,6 +77,44 @@ TEST_F(LatticeCommand, SavedLatticesAndScenesReplay) {
   EXPECT_EQ(read("a.ply"), first);
 }
 
+const std::string kExtended = R"({"format": "fielddeform-extended-lattice", "version": 1, "joined": "c1",
+  "parts": [{"name": "low", "box": {"origin": [-1, -1, -1], "edges": [[3, 0, 0], [0, 3, 0], [0, 0, 3]]}, "cells": [1, 1, 1]},
+            {"name": "high", "box": {"origin": [-1, -1, 2], "edges": [[3, 0, 0], [0, 3, 0], [0, 0, 3]]}, "cells": [1, 1, 1]}],
+  "moves": [{"part": "low", "node": [null, null, 3], "by": [0.5, 0, 0]}]})";
+
+TEST_F(LatticeCommand, ExtendedLatticesAreReadSavedFittedAndReplayed) {
+  writeFile(folder / "e.json", kExtended);
+  done({"--lattice", "e.json", "--precision", "double", "-o", "a.ply", "--save-lattice", "l.json", "--save-scene", "s.json"});
+  const std::string first = read("a.ply");
+  EXPECT_NE(first.find("\n0.75 0 2 "), std::string::npos) << first;  // on the common face, which moved as it was told
+  done({"--lattice", "l.json", "--precision", "double", "-o", "b.ply"});
+  EXPECT_EQ(read("b.ply"), first);
+  std::filesystem::remove(folder / "a.ply");
+  ASSERT_EQ(run(folder.path(), {"run", "s.json"}).code, 0);
+  EXPECT_EQ(read("a.ply"), first);
+  done({"--lattice", "e.json", "--fit", "-o", "c.ply"});
+  EXPECT_NE(read("c.ply"), first);
+  done({"--lattice", "e.json", "--lattice", "e.json", "-o", "twice.ply", "--attributes", "affected"});
+  const Result info = run(folder.path(), {"info", "e.json"});
+  EXPECT_EQ(info.code, 0) << info.err;
+  EXPECT_NE(info.out.find("2, tricubic"), std::string::npos) << info.out;
+  EXPECT_NE(info.out.find("C1"), std::string::npos) << info.out;
+  EXPECT_NE(run(folder.path(), {"info", "e.json", "--json"}).out.find("\"largest_kink\""), std::string::npos);
+}
+
+TEST_F(LatticeCommand, ExtendedLatticesSayWhatTheyLeaveOutAndWhatTheyCannot) {
+  writeFile(folder / "half.json", R"({"format": "fielddeform-extended-lattice", "version": 1, "cells": [1, 1, 1],
+    "box": {"origin": [-1, -1, -1], "edges": [[3, 0, 0], [0, 3, 0], [0, 0, 3]]}, "moves": [{"node": 0, "by": [0.1, 0, 0]}]})");
+  const Result half = call({"--lattice", "half.json", "-o", "half.ply"});
+  EXPECT_EQ(half.code, 0) << half.err;
+  EXPECT_NE(half.err.find("vertices lie in no cell"), std::string::npos) << half.err;
+  writeFile(folder / "e.json", kExtended);
+  refused({"--lattice", "e.json", "--press", "plane=0,0,1,0,0,1", "-o", "out.ply"}, 1, "do not follow points");
+  refused({"--lattice", "e.json", "--moved", "e.obj", "-o", "out.ply"}, 1, "is an extended lattice");
+  writeFile(folder / "bad.json", R"({"format": "fielddeform-extended-lattice", "version": 1, "parts": []})");
+  refused({"--lattice", "bad.json", "-o", "out.ply"}, 1, "at least one");
+}
+
 TEST_F(LatticeCommand, AModellersGridMovesTheMesh) {
   done({"--nodes", "2,2,2", "--save-lattice", "grid.obj", "-o", "same.ply"});
   // As a modeller would: every vertex moved by 2, comments gone.

@@ -1,9 +1,11 @@
 // Every method by skeleton, end to end: what works for one works for all, and options that mean nothing are refused.
 #include <fielddeform/core/json_reader.h>
 #include <fielddeform/scene/methods.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <sstream>
@@ -215,6 +217,109 @@ TEST(MethodsReal, EveryMethodOnTwoMeshes) {
         const JsonDocument after = JsonDocument::parse(run(folder.path(), {"info", "--json", "out.ply"}).out, "out.ply");
         EXPECT_EQ(count(after.root(), "vertices"), count(info.root(), "vertices"));
       }
+  }
+}
+
+struct RealMesh {
+  fs::path path;
+  std::uint64_t vertices = 0, faces = 0;
+  std::array<double, 3> low{}, high{};
+  double volume = 0;
+};
+
+RealMesh measured(const fs::path& mesh, const Scratch& folder) {
+  const JsonDocument info = JsonDocument::parse(run(folder.path(), {"info", "--json", mesh.string()}).out, mesh);
+  RealMesh out{mesh, count(info.root(), "vertices"), count(info.root(), "faces"), {}, {}, 0};
+  const Vec3 low = info.root().require("bounds").require("min").vec3(), high = info.root().require("bounds").require("max").vec3();
+  for (std::size_t k = 0; k < 3; ++k) out.low[k] = low[static_cast<Eigen::Index>(k)], out.high[k] = high[static_cast<Eigen::Index>(k)];
+  if (const auto volume = info.root().find("volume"); volume && !volume->isNull()) out.volume = volume->number();
+  return out;
+}
+
+void expectNothingLost(const RealMesh& before, const fs::path& after, const Scratch& folder) {
+  const RealMesh now = measured(after, folder);
+  EXPECT_EQ(now.vertices, before.vertices);
+  EXPECT_EQ(now.faces, before.faces);
+}
+
+std::vector<RealMesh> twoRealMeshes(const Scratch& folder) {
+  std::vector<RealMesh> out;
+  if (const char* meshes = std::getenv("FIELDDEFORM_TEST_MESHES"))
+    for (const fs::path& name : kMeshes) out.push_back(measured(fs::path(meshes) / name, folder));
+  return out;
+}
+
+// Barr's twist keeps the volume of space; what is left is the surface's triangles cutting corners: 0.06 % of the rocker arm.
+TEST(MethodsReal, BarrsTwistKeepsTheVolumeOfTwoMeshes) {
+  const Scratch folder;
+  const auto meshes = twoRealMeshes(folder);
+  if (meshes.empty()) GTEST_SKIP() << "FIELDDEFORM_TEST_MESHES is not set";
+  for (const RealMesh& mesh : meshes) {
+    ASSERT_EQ(run(folder.path(), {"twist", mesh.path.string(), "--angle", "90", "--method", "barr", "-o", "out.ply", "--precision", "double"}).code, 0);
+    const RealMesh after = measured("out.ply", folder);
+    ASSERT_GT(mesh.volume, 0);
+    EXPECT_NEAR(after.volume / mesh.volume, 1, 2e-3) << mesh.path;
+  }
+}
+
+// Along a straight curve nothing moves; along an arc nothing is lost, and nothing folds: its centre is far from the mesh.
+TEST(MethodsReal, DeCasteljausCurveCarriesTwoMeshes) {
+  const Scratch folder;
+  const auto meshes = twoRealMeshes(folder);
+  if (meshes.empty()) GTEST_SKIP() << "FIELDDEFORM_TEST_MESHES is not set";
+  for (const RealMesh& mesh : meshes) {
+    SCOPED_TRACE(mesh.path.string());
+    const Result same = run(folder.path(), {"casteljau", mesh.path.string(), "--straight", "3", "--save-curve", "curve.json", "-o", "same.obj", "--normals", "keep"});
+    ASSERT_EQ(same.code, 0) << same.err;
+    EXPECT_NE(same.out.find(" 0 vertices moved"), std::string::npos) << same.out;
+    // The straight cubic of the frame, its last point moved across by a third of its length.
+    const JsonDocument curve = JsonDocument::read(folder / "curve.json");
+    const auto vec = [](const Vec3& v) { return fmt::format("[{}, {}, {}]", v.x(), v.y(), v.z()); };
+    const JsonValue frame = curve.root().require("frame");
+    const Vec3 origin = frame.require("origin").vec3();
+    std::vector<Vec3> edge;
+    for (const JsonValue e : frame.require("edges").array(3)) edge.push_back(e.vec3());
+    const double length = edge[0].norm();
+    std::string points;
+    for (int k = 0; k < 4; ++k) {
+      const Vec3 p = origin + k / 3.0 * edge[0] + (k == 3 ? length / 3 : 0) * edge[1].normalized();
+      points += (k ? ", " : "") + vec(p);
+    }
+    writeFile(folder / "bent.json", fmt::format(R"({{"format": "fielddeform-casteljau", "version": 1, "frame": {{"origin": {}, "edges": [{}, {}, {}]}},
+      "pieces": [{{"points": [{}], "s": {}, "t": {}}}]}})", vec(origin), vec(edge[0]), vec(edge[1]), vec(edge[2]), points, vec(edge[1]), vec(edge[2])));
+    const Result bent = run(folder.path(), {"casteljau", mesh.path.string(), "--curve", "bent.json", "-o", "out.ply", "--report", "out.json"});
+    ASSERT_EQ(bent.code, 0) << bent.err;
+    const JsonDocument report = JsonDocument::read(folder / "out.json");
+    EXPECT_EQ(count(report.root(), "folds"), 0u);
+    EXPECT_EQ(count(report.root().require("status"), "invalid"), 0u);
+    EXPECT_EQ(count(report.root().require("status"), "stalled"), 0u);
+    expectNothingLost(mesh, "out.ply", folder);
+  }
+}
+
+// Ridden in a solid that grows by a fifth: at rest every vertex comes back, and the mesh grows with its cell.
+TEST(MethodsReal, ASolidCarriesTwoMeshes) {
+  const Scratch folder;
+  const auto meshes = twoRealMeshes(folder);
+  if (meshes.empty()) GTEST_SKIP() << "FIELDDEFORM_TEST_MESHES is not set";
+  for (const RealMesh& mesh : meshes) {
+    SCOPED_TRACE(mesh.path.string());
+    Vec3 low(mesh.low[0], mesh.low[1], mesh.low[2]), size(mesh.high[0], mesh.high[1], mesh.high[2]);
+    size -= low;
+    low -= 0.02 * size;
+    size *= 1.04;
+    writeFile(folder / "cell.json", fmt::format(R"({{"format": "fielddeform-solids", "version": 1, "solids": [{{"name": "cell", "degree": [2, 2, 2],
+      "box": {{"origin": [{}, {}, {}], "edges": [[{}, 0, 0], [0, {}, 0], [0, 0, {}]]}}}}]}})", low.x(), low.y(), low.z(), size.x(), size.y(), size.z()));
+    const Result grown = run(folder.path(), {"solid", "cell.json", "--volume", "cell=x1.2", "--fix-side", "cell.w0", "--embed", mesh.path.string(),
+                                             "--precision", "double", "--check", "--report", "out.json", "-o", "out.ply"});
+    ASSERT_EQ(grown.code, 0) << grown.err;
+    expectNothingLost(mesh, "out.ply", folder);
+    const RealMesh after = measured("out.ply", folder);
+    EXPECT_GT(after.volume / mesh.volume, 1.05);
+    EXPECT_LT(after.volume / mesh.volume, 1.6);
+    const Result kept = run(folder.path(), {"solid", "cell.json", "--embed", mesh.path.string(), "--precision", "double", "-o", "kept.ply"});
+    ASSERT_EQ(kept.code, 0) << kept.err;
+    EXPECT_NEAR(measured("kept.ply", folder).volume / mesh.volume, 1, 1e-9);
   }
 }
 

@@ -56,6 +56,17 @@ TEST_F(SolidCommand, CarriesAMeshAndLeavesItWhereNothingMoves) {
   EXPECT_NE(readFile(folder / "inside.ply").find("element vertex 54"), std::string::npos);
 }
 
+TEST_F(SolidCommand, DilatesOverARangeOfTargetsAsAnAnimation) {
+  const Result r = call({"--volume", "a=x0.8..x1.2", "--frames", "3", "--tessellate", "24", "-o", "f.ply"});
+  ASSERT_EQ(r.code, 0) << r.err;
+  // Both solids hold 64; the range is gone through in equal ratios. Chords of curved sides cut off little.
+  for (const auto& [file, expected] : {std::pair{"f_0000.ply", 0.8 * 64 + 64}, {"f_0001.ply", std::sqrt(0.8 * 1.2) * 64 + 64}, {"f_0002.ply", 1.2 * 64 + 64}}) {
+    const std::string out = run(folder.path(), {"info", "--json", file}).out, key = "\"volume\": ";
+    ASSERT_NE(out.find(key), std::string::npos) << out;
+    EXPECT_NEAR(std::stod(out.substr(out.find(key) + key.size())), expected, 1e-3 * expected) << file;
+  }
+}
+
 TEST_F(SolidCommand, SaysWhatIsWrongAndWritesNothing) {
   const auto fails = [&](std::vector<std::string> arguments, int code, const std::string& word) {
     arguments.insert(arguments.end(), {"-o", "out.ply"});

@@ -1,4 +1,5 @@
 #include <fielddeform/map/barr_fit.h>
+#include <fielddeform/map/chain.h>
 #include <fielddeform/map/influence.h>
 #include <gtest/gtest.h>
 
@@ -218,6 +219,68 @@ TEST(BarrFit, ARigidMotionIsRecognised) {
   const BarrFit fit = fitBarr(motionBetween(rest, rigidlyMoved(rest, someMotion())));
   EXPECT_TRUE(fit.rigid);
   EXPECT_LT(fit.max, 1e-14 * 10);
+}
+
+double amountOf(const BarrSequence& s, BarrKind kind) {
+  for (const BarrEdit& e : s.edits)
+    if (e.kind == kind) return kind == BarrKind::Twist || kind == BarrKind::Bend ? e.angle : e.factor[0];
+  return 0;
+}
+
+TEST(BarrFit, RecoversTaperTwistAndBendOfOnePoseInBarrsOrder) {
+  const skeleton::Spine whole{.axis = Vec3(0, 0, 1), .pivot = Vec3(0, 0, -1)}, part{.axis = Vec3(0, 0, 1), .pivot = Vec3(0, 0, -1), .from = 0.2, .to = 0.8};
+  const std::vector<skeleton::Edit> edits{{"", skeleton::Taper{whole, 0.6}}, {"", skeleton::Twist{whole, 1.8}},
+                                          {"", skeleton::Bend{.spine = part, .angle = 1.2, .about = Vec3(1, 0, 0)}}};
+  skeleton::Skeleton rest = spine();
+  std::vector<std::shared_ptr<const SpaceMap>> maps;
+  for (const skeleton::Edit& e : edits) maps.push_back(std::make_shared<BarrMap>(*barrEditOf(rest, e)));
+  const Chain exact(maps);
+  // The pose that the deformations themselves give: rolls and radii are the twist's and the taper's.
+  skeleton::Skeleton posed = rest;
+  skeleton::Primitive& line = posed.primitives[0];
+  for (std::size_t i = 0; i < line.points.size(); ++i) {
+    const double share = static_cast<double>(i) / 64;
+    line.points[i] = image(exact, line.points[i]);
+    line.roll.push_back(1.8 * share);
+    line.pointRadius.push_back(1 - 0.4 * share);
+  }
+  const SkeletonMotion motion = motionBetween(rest, posed);
+  const BarrSequence fit = fitBarrSequence(motion);
+  EXPECT_LT(fit.max, 1e-4);
+  ASSERT_EQ(fit.edits.size(), 3u);
+  EXPECT_EQ(fit.edits[0].kind, BarrKind::Taper);
+  EXPECT_EQ(fit.edits[1].kind, BarrKind::Twist);
+  EXPECT_EQ(fit.edits[2].kind, BarrKind::Bend);
+  // Frames are those of a polygon of 64 segments: parameters to a share of a segment's.
+  EXPECT_NEAR(std::abs(amountOf(fit, BarrKind::Twist)), 1.8, 0.02);
+  EXPECT_NEAR(std::abs(amountOf(fit, BarrKind::Bend)), 1.2, 1e-3);
+  EXPECT_NEAR(amountOf(fit, BarrKind::Taper), 0.6, 0.02);
+  // Beside the line, too, the map is the three deformations'.
+  const auto map = fit.map();
+  for (const Vec3& p : cloud(7, 100, 0.3)) {
+    const Vec3 x(p.x(), p.y(), 3 * p.z());
+    EXPECT_LT((image(*map, x) - image(exact, x)).norm(), 0.01);
+  }
+  EXPECT_GT(fitBarr(motion).rms, 100 * fit.rms);  // no single one comes near
+}
+
+TEST(BarrFit, RecoversAScaleBeforeABend) {
+  const skeleton::Spine whole{.axis = Vec3(0, 0, 1), .pivot = Vec3(0, 0, -1)};
+  const std::vector<skeleton::Edit> edits{{"", skeleton::Scale{.factor = Vec3::Constant(1.4)}}, {"", skeleton::Bend{.spine = whole, .angle = 0.9, .about = Vec3(0, 1, 0)}}};
+  const BarrSequence fit = fitBarrSequence(edited(spine(), edits));
+  EXPECT_LT(fit.max, 1e-4);
+  ASSERT_EQ(fit.edits.size(), 2u);
+  EXPECT_EQ(fit.edits[0].kind, BarrKind::Scale);
+  EXPECT_LT((fit.edits[0].factor - Vec3::Constant(1.4)).norm(), 0.02);
+  EXPECT_NEAR(std::abs(amountOf(fit, BarrKind::Bend)), 0.9, 1e-3);
+}
+
+TEST(BarrFit, OneDeformationStaysOne) {
+  const skeleton::Spine whole{.axis = Vec3(0, 0, 1), .pivot = Vec3::Zero()};
+  const BarrSequence fit = fitBarrSequence(edited(spine(), {{"", skeleton::Bend{.spine = whole, .angle = 0.9, .about = Vec3(0, 1, 0)}}}));
+  ASSERT_EQ(fit.edits.size(), 1u);
+  EXPECT_EQ(fit.edits[0].kind, BarrKind::Bend);
+  EXPECT_LT(fit.max, 1e-5);
 }
 
 TEST(BarrFit, SaysHowFarOffTheNearestIs) {

@@ -112,6 +112,23 @@ TEST(Wires, AGreaterPowerFavoursTheGreaterDisplacement) {
   EXPECT_NEAR(last, WireMap(motionBetween(rest, both)).displacementBy(0, x).y(), 1e-9);
 }
 
+TEST(Wires, LocalInfluenceFavoursTheNearestWireInItsOwnRadii) {
+  const skeleton::Skeleton rest = two(0.5), both = shifted(shifted(rest, 0, Vec3(0, 0.1, 0)), 1, Vec3(0, 0.3, 0));
+  const Vec3 x(0.1, 0, 0.5);  // nearer to the first, which moves less
+  double last = 1;
+  for (const double k : {0.0, 1.0, 4.0, 60.0}) {
+    const WireMap map(motionBetween(rest, both), {.blend = 1, .local = k});
+    EXPECT_LT(map.displacement(x).y(), last);
+    last = map.displacement(x).y();
+    expectJacobians(map, {x, Vec3(0.3, 0.1, -0.2), Vec3(0.25, -0.2, 0.4)}, 1e-6);
+  }
+  EXPECT_NEAR(last, WireMap(motionBetween(rest, both)).displacementBy(0, x).y(), 1e-6);
+  // A plain mean (m = 0) no longer jumps where a reach begins.
+  const WireMap mean(motionBetween(rest, both), {.blend = 0, .local = 1});
+  EXPECT_LT((mean.displacement(Vec3(-0.3 - 1e-7, 0, 0)) - mean.displacement(Vec3(-0.3 + 1e-7, 0, 0))).norm(), 1e-6);
+  EXPECT_THROW(WireMap(motionBetween(rest, both), {.local = -1}), std::invalid_argument);
+}
+
 TEST(Wires, ADomainCurveBoundsTheReachOnItsSide) {
   skeleton::Skeleton rest = spine(33, 0.8);
   rest.primitives.push_back(line("spine.domain", straight(Vec3(0.3, 0, -1), Vec3(0.3, 0, 1), 9), 0.8));

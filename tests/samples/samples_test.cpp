@@ -1,5 +1,7 @@
 #include <fielddeform/core/parallel.h>
+#include <fielddeform/map/extended_lattice_io.h>
 #include <fielddeform/mesh/io.h>
+#include <fielddeform/mesh/quality.h>
 #include <fielddeform/scene/run.h>
 #include <fielddeform/skeleton/io.h>
 #include <fielddeform/solid/regularity.h>
@@ -8,6 +10,7 @@
 #include <gtest/gtest.h>
 #include <samples/generate/figures.h>
 #include <samples/generate/hirota.h>
+#include <samples/generate/hsu.h>
 #include <samples/generate/isosurface.h>
 #include <samples/generate/rappoport.h>
 #include <samples/generate/samples.h>
@@ -127,6 +130,27 @@ TEST(Samples, SolidsMeetTheirVolumesAndAreNotTurnedInsideOut) {
     for (std::size_t s = 0; s < after.solids.size(); ++s) EXPECT_EQ(solid::checkRegular(after, s).orientation, solid::Orientation::Positive);
     expectClosedManifold(solid::tessellate(after, 6));
   }
+}
+
+/// Coquillart's cylindrical lattice: one block, no face turned over, nothing moved outside the cells.
+TEST(Samples, TheExtendedLatticeRaisesAFlowerWithoutFolds) {
+  const map::ExtendedLattice lattice = map::readExtendedLattice(std::filesystem::path(FIELDDEFORM_SAMPLES_DIR) / "extended-flower/lattice.json");
+  EXPECT_FALSE(map::jointsOf(lattice).empty());
+  const map::ExtendedLatticeMap map(lattice);
+  const mesh::Mesh rest = block(30);
+  std::vector<Vec3> posed(rest.vertexCount());
+  Progress silent;
+  map.apply(*map.bind(rest.positions()), {.position = posed, .safe = {}, .status = {}, .residual = {}}, silent);
+  double highest = 0;
+  for (std::size_t v = 0; v < posed.size(); ++v) {
+    const Vec3& p = rest.positions()[v];
+    if (std::hypot(p.x(), p.z()) > 0.99 || std::hypot(p.x(), p.z()) < 0.05) {
+      EXPECT_EQ(posed[v], p);
+    }
+    highest = std::max(highest, posed[v].y());
+  }
+  EXPECT_GT(highest, 0.6);
+  EXPECT_EQ(mesh::countFolds(rest, rest.positions(), posed), 0u);
 }
 
 TEST(Samples, DoNotDependOnTheNumberOfThreads) {

@@ -150,7 +150,7 @@ std::vector<Vec3> deformBy(MethodKind method, const mesh::Mesh& mesh, const Skel
     case MethodKind::Barr: return through(map::fitBarr(motion).map(), points);
     case MethodKind::Lbs: return through(map::SkinningMap(motion), points);
     case MethodKind::Dqs: return through(map::SkinningMap(motion, {.blend = map::SkinBlend::DualQuaternion}), points);
-    case MethodKind::Casteljau: return through(map::casteljauAlong(motion), points);
+    case MethodKind::Casteljau: return through(*map::casteljauBy(motion), points);
     case MethodKind::Rbf: break;
   }
   const map::PointPairs pairs = map::pointPairs(motion, {.offset = 0.6, .rings = 2});

@@ -1,6 +1,7 @@
 // fielddeform info: what a mesh or lattice file holds.
 #include <fielddeform/core/angle.h>
 #include <fielddeform/core/json_writer.h>
+#include <fielddeform/map/extended_lattice_io.h>
 #include <fielddeform/map/lattice_io.h>
 #include <fielddeform/mesh/io.h>
 #include <fielddeform/mesh/summary.h>
@@ -141,9 +142,9 @@ struct Moved {
   std::size_t nodes = 0;
   double farthest = 0;
 };
-Moved movedOf(const map::Lattice& lattice) {
+Moved movedOf(Points displacements) {
   Moved out;
-  for (const Vec3& d : lattice.displacements) {
+  for (const Vec3& d : displacements) {
     out.nodes += d != Vec3::Zero();
     out.farthest = std::max(out.farthest, d.norm());
   }
@@ -151,7 +152,7 @@ Moved movedOf(const map::Lattice& lattice) {
 }
 
 std::string latticeText(const std::string& file, const map::Lattice& lattice, bool asJson) {
-  const Moved moved = movedOf(lattice);
+  const Moved moved = movedOf(lattice.displacements);
   const Box bounds = [&] {
     Box box;
     for (int corner = 0; corner < 8; ++corner) box.extend(lattice.box.origin + lattice.box.axes * Vec3(corner & 1, corner >> 1 & 1, corner >> 2));
@@ -185,6 +186,42 @@ std::string latticeText(const std::string& file, const map::Lattice& lattice, bo
   return out;
 }
 
+/// How far the displacements are from C1 at the joints of cells, world.
+double kinkOf(const map::ExtendedLattice& l, std::span<const map::Joint> joints) {
+  double kink = 0;
+  if (l.displacements.empty()) return kink;
+  for (const map::Joint& j : joints)
+    kink = std::max(kink, ((l.displacements[j.out] - l.displacements[j.face]) - j.ratio * (l.displacements[j.face] - l.displacements[j.in])).norm());
+  return kink;
+}
+
+std::string latticeText(const std::string& file, const map::ExtendedLattice& lattice, bool asJson) {
+  const Moved moved = movedOf(lattice.displacements);
+  const std::vector<map::Joint> joints = map::jointsOf(lattice);
+  const double kink = kinkOf(lattice, joints);
+  Box bounds;
+  for (const Vec3& p : lattice.nodes) bounds.extend(p);
+  if (asJson) {
+    JsonWriter json;
+    json.beginObject().member("file", file).member("format", "fielddeform-extended-lattice").member("nodes", lattice.nodes.size());
+    json.member("cells", lattice.cells.size()).member("moved_nodes", moved.nodes).member("largest_move", moved.farthest);
+    json.member("joints", joints.size()).member("largest_kink", kink);
+    json.key("bounds").beginObject(JsonLayout::Inline).member("min", Vec3(bounds.min())).member("max", Vec3(bounds.max())).end();
+    json.end();
+    return json.text();
+  }
+  std::string out = fmt::format("{}: extended lattice\n", file);
+  const auto row = [&](std::string_view name, const std::string& value) { out += fmt::format("  {:<12}{}\n", name, value); };
+  row("cells", fmt::format("{}, tricubic", lattice.cells.size()));
+  row("nodes", fmt::format("{}", lattice.nodes.size()));
+  row("moved", moved.nodes == 0 ? std::string("none") : fmt::format("{}, by {:.6g} at most", moved.nodes, moved.farthest));
+  row("joints", fmt::format("{}, {}", joints.size(), kink <= 1e-9 * moved.farthest ? std::string("C1") : fmt::format("kinks up to {:.6g}", kink)));
+  const Vec3 low = bounds.min(), high = bounds.max();
+  row("bounds", fmt::format("({:.6g}, {:.6g}, {:.6g}) to ({:.6g}, {:.6g}, {:.6g})", low.x(), low.y(), low.z(), high.x(), high.y(), high.z()));
+  row("outside", "left alone");
+  return out;
+}
+
 /// JSON is no mesh format, and an OBJ file that a lattice was written to says so in its first comment.
 bool isLattice(const std::string& file) {
   std::ifstream stream(file, std::ios::binary);
@@ -213,7 +250,8 @@ void addInfo(CLI::App& app, Session& session) {
   command->callback([&session, options] {
     session.run = [options](Terminal& terminal) {
       if (isLattice(options->file)) {
-        std::string text = latticeText(options->file, map::readLattice(options->file), options->json);
+        std::string text = std::visit([&](const auto& lattice) { return latticeText(options->file, lattice, options->json); },
+                                      map::readAnyLattice(options->file));
         text.pop_back();
         terminal.print(text);
         return kDone;

@@ -1,4 +1,6 @@
 // fielddeform lattice: free-form deformation by one lattice made for the mesh, or by lattices from files.
+#include <fielddeform/core/error.h>
+#include <fielddeform/map/extended_lattice_io.h>
 #include <fielddeform/map/lattice_io.h>
 #include <fmt/format.h>
 
@@ -50,6 +52,12 @@ void setBox(scene::LatticeRule& rule, const std::string& text) {
   rule.box = box;
 }
 
+void save(const scene::LatticeStep& step, const std::filesystem::path& path) {
+  if (const auto* lattice = std::get_if<map::Lattice>(&step.source)) return map::writeLattice(*lattice, path);
+  if (path.extension() == ".obj") throw IoError(path, "an extended lattice is written as JSON, not as OBJ");
+  map::writeExtendedLattice(std::get<map::ExtendedLattice>(step.source), path);
+}
+
 // "I,J,K=DX,DY,DZ", several times.
 void addMoves(scene::LatticeRule& rule, const std::vector<std::string>& texts) {
   for (const std::string& text : texts) {
@@ -65,7 +73,7 @@ void addMoves(scene::LatticeRule& rule, const std::vector<std::string>& texts) {
 
 void addFiles(CLI::App& command, LatticeOptions& o) {
   const char* group = "Lattice from files";
-  command.add_option("--lattice", o.files, "Lattice (JSON or OBJ); several are applied one after the other")
+  command.add_option("--lattice", o.files, "Lattice (JSON or OBJ), extended lattices too (JSON); several are applied one after the other")
       ->type_name("FILE")->allow_extra_args(false)->group(group);
   o.ofFiles = {command.add_flag("--fit", o.fit, "Carry the lattice over to the box of each mesh, with its displacements")->group(group),
                command.add_option("--moved", o.moved, "The nodes of the one --lattice as a modeller wrote them")
@@ -169,11 +177,13 @@ void finish(LatticeOptions& o, bool byRule) {
   scene.lattices.back().sculpt = o.sculpt;
   if (!o.save.empty())
     o.batch.done = [&o](const scene::RunResult& result) {
-      map::writeLattice(std::get<map::Lattice>(result.resolved.lattices.at(0).source), o.save);
+      save(result.resolved.lattices.at(0), o.save);
     };
 }
 
 int runLattice(LatticeOptions& o, Terminal& terminal) {
+  if (!o.moved.empty() && std::holds_alternative<map::ExtendedLattice>(map::readAnyLattice(o.files[0])))
+    throw IoError(o.files[0], "is an extended lattice: --moved expects one of rows of nodes");
   if (!o.moved.empty()) o.batch.scene.lattices[0].source = map::readMovedNodes(map::readLattice(o.files[0]), o.moved);
   return runBatch(o.batch, terminal);
 }

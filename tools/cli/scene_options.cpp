@@ -57,6 +57,10 @@ void addMethod(CLI::App& command, BatchOptions& options) {
                                                "wires: the power by which the greater displacement wins, or the sum (default: 1)")
           ->type_name("sum|M")->group(group),
       scene::MethodOption::WireBlend);
+  options.ofMethods.emplace_back(
+      command.add_option("--wire-local", scene.wireLocal, "wires: the power by which the nearest wire has its way (default: 0)")
+          ->type_name("K")->check(within(0, 100))->group(group),
+      scene::MethodOption::WireBlend);
 }
 
 // Which of the options that were added are of some methods only.

@@ -11,8 +11,7 @@ inline JetVec tangentAt(const SplineCurve::Place& place, const Jet& t) { return 
 
 /// The parameter of the closest point: inside the curve (x - C) . C' = 0, so that
 /// dt = C'^T dx / (|C'|^2 - (x - C) . C''); constant beyond its ends, and where the point is the centre of curvature.
-inline Jet closestAt(const SplineCurve& curve, const JetVec& x) {
-  const SplineCurve::Foot foot = curve.closest(x.v);
+inline Jet closestAt(const SplineCurve& curve, const JetVec& x, const SplineCurve::Foot& foot) {
   Jet t{foot.t, Vec3::Zero()};
   if (!foot.inside) return t;
   const SplineCurve::Place p = curve.at(foot.t);
@@ -20,6 +19,8 @@ inline Jet closestAt(const SplineCurve& curve, const JetVec& x) {
   if (denominator > 1e-12 * p.first.squaredNorm()) t.g = x.j.transpose() * p.first / denominator;
   return t;
 }
+
+inline Jet closestAt(const SplineCurve& curve, const JetVec& x) { return closestAt(curve, x, curve.closest(x.v)); }
 
 inline JetVec unit(const JetVec& a) { return Jet{1, Vec3::Zero()} / norm(a) * a; }
 

@@ -15,6 +15,9 @@ struct Skeletons {
 
 /// Reads or fits the rest skeleton, reads or edits the posed one, pairs and mirrors them.
 /// @throw IoError, std::invalid_argument
+/// Automatic radius over the greatest distance from the mesh to the skeleton, by the method.
+double automaticRadiusFactor(const Scene& scene) noexcept;
+
 Skeletons prepareSkeletons(const Scene& scene, const mesh::Mesh& mesh);
 
 /// The pair at time t: 0 is rest, 1 is posed, both bit for bit.
