@@ -115,9 +115,6 @@ Vec3 pointOf(const Block& block, std::size_t k) { return {block.x[k], block.y[k]
 // Sums of a hundred terms of order one: some 1e-14; where two feet are equally near either is right, and such points are rare.
 constexpr double kRounding = 1e-12;
 
-// Where one sample has nearly all weight, what the others spread is a small difference of such sums.
-constexpr double kTurnRounding = 1e-11;
-
 TEST(AxialLines, MovesAsTheAxialPredictor) {
   for (const auto& s : skeletons()) {
     const Predictors p(s);
@@ -146,6 +143,9 @@ TEST(AxialLines, MovesAsTheAxialPredictor) {
   }
 }
 
+// Where one sample has nearly all weight, the spread that turns the points is a small difference of such sums.
+constexpr double kSmallSpread = 1e-11;
+
 TEST(MlsBlocks, MoveAsTheMlsPredictor) {
   for (const auto& s : skeletons()) {
     const Predictors p(s);
@@ -161,8 +161,8 @@ TEST(MlsBlocks, MoveAsTheMlsPredictor) {
         ++settled;
         const LocalMotion exact = p.mls.at(pointOf(block, k));
         const Mat3 r = exact.rotation.toRotationMatrix();
-        ASSERT_LT((Vec3(motion.x[k], motion.y[k], motion.z[k]) - exact.translation).norm(), kRounding) << s.primitives[0].name;
-        for (int i = 0; i < 9; ++i) ASSERT_NEAR(motion.turn[i][k], r(i / 3, i % 3), kTurnRounding) << s.primitives[0].name;
+        ASSERT_LT((Vec3(motion.x[k], motion.y[k], motion.z[k]) - exact.translation).norm(), kSmallSpread) << s.primitives[0].name;
+        for (int i = 0; i < 9; ++i) ASSERT_NEAR(motion.turn[i][k], r(i / 3, i % 3), kSmallSpread) << s.primitives[0].name;
       }
     }
     EXPECT_GT(settled, all * 98 / 100) << s.primitives[0].name;  // the rest is asked one by one
