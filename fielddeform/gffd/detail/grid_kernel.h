@@ -33,8 +33,8 @@ struct LineTerm {
 /// What is summed up over the primitives for a block. Field::evaluate() with exponential potentials; docs/field.md.
 struct LineSums {
   alignas(64) double sum[kLanes], gx[kLanes], gy[kLanes], gz[kLanes];
-  alignas(64) double only[kLanes], ox[kLanes], oy[kLanes], oz[kLanes];  // of the last primitive in reach: d / r, its gradient
-  alignas(64) double active[kLanes], plain[kLanes];
+  alignas(64) double active[kLanes];             // how many reach
+  alignas(64) double only[kLanes], plain[kLanes];  // of the last that does: d / r, and whether it is plain
 };
 
 /// Offsets from the closest points of one primitive, and where on it those are.
