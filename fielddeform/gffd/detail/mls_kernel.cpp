@@ -34,64 +34,112 @@ FIELDDEFORM_SIMD_INLINE void product(const Pack* a, const Pack* b, Pack* m) {
     for (int j = 0; j < 3; ++j) m[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
 }
 
-// Weights over the least distance first, then the sums, both over the samples in their order.
+// The least distance in radii times 8 log2(e).
 template <class Pack>
-FIELDDEFORM_SIMD_INLINE void sumUp(const Task& task, const Pack* at, Sums<Pack>& s) {
-  const Pack zero{};
-  Pack least = zero + 1e300, nearest;
+FIELDDEFORM_SIMD_INLINE void nearestOf(const Task& task, const Pack* at, Pack& nearest) {
+  Pack least = Pack{} + 1e300;
+  const Pack px = at[0], py = at[1], pz = at[2];
   for (const MlsRun& run : task.runs)
     for (std::uint32_t j = run.begin; j < run.end; ++j) {
       const MlsTerm& term = task.terms[j];
-      const Pack x = term.rest[0] - at[0], y = term.rest[1] - at[1], z = term.rest[2] - at[2];
+      const Pack x = term.rest[0] - px, y = term.rest[1] - py, z = term.rest[2] - pz;
       const Pack square = (x * x + y * y + z * z) * term.steepness;
       least = square < least ? square : least;
     }
-  sqrtLanes(least, nearest);
-  Pack weight = zero, scale = zero;
-  Pack px = zero, py = zero, pz = zero, qx = zero, qy = zero, qz = zero;
-  Pack xx = zero, xy = zero, xz = zero, yx = zero, yy = zero, yz = zero, zx = zero, zy = zero, zz = zero;
-  Pack r0 = zero, r1 = zero, r2 = zero, r3 = zero, r4 = zero, r5 = zero, r6 = zero, r7 = zero, r8 = zero;
+  const Pack found = least;
+  sqrtLanes(found, nearest);
+}
+
+// Weights of some samples relative to the nearest one's; none below rounding.
+template <class Pack>
+FIELDDEFORM_SIMD_INLINE void weigh(const MlsTerm* terms, std::size_t count, const Pack* at, const Pack& nearest, Pack* weights) {
+  const Pack zero{}, px = at[0], py = at[1], pz = at[2], least = nearest;
+  for (std::size_t i = 0; i < count; ++i) {
+    const MlsTerm& term = terms[i];
+    const Pack x = term.rest[0] - px, y = term.rest[1] - py, z = term.rest[2] - pz;
+    const Pack square = (x * x + y * y + z * z) * term.steepness;
+    Pack distance, w;
+    sqrtLanes(square, distance);
+    const Pack exponent = least - distance;
+    powerOfTwoLanes(exponent, w);
+    w = w * term.mass;
+    weights[i] = exponent < kNegligible ? zero : w;
+  }
+}
+
+template <class Pack>
+FIELDDEFORM_SIMD_INLINE void addFrames(const MlsTerm* terms, std::size_t count, const Pack* weights, Sums<Pack>& s) {
+  Pack weight = s.weight, scale = s.scale;
+  Pack r0 = s.turn[0], r1 = s.turn[1], r2 = s.turn[2], r3 = s.turn[3], r4 = s.turn[4], r5 = s.turn[5], r6 = s.turn[6],
+       r7 = s.turn[7], r8 = s.turn[8];
+  for (std::size_t i = 0; i < count; ++i) {
+    const MlsTerm& term = terms[i];
+    const Pack w = weights[i];
+    weight += w;
+    scale += w * term.scale;
+    r0 += w * term.rotation[0];
+    r1 += w * term.rotation[1];
+    r2 += w * term.rotation[2];
+    r3 += w * term.rotation[3];
+    r4 += w * term.rotation[4];
+    r5 += w * term.rotation[5];
+    r6 += w * term.rotation[6];
+    r7 += w * term.rotation[7];
+    r8 += w * term.rotation[8];
+  }
+  s.weight = weight;
+  s.scale = scale;
+  const Pack r[9] = {r0, r1, r2, r3, r4, r5, r6, r7, r8};
+  for (int k = 0; k < 9; ++k) s.turn[k] = r[k];
+}
+
+template <class Pack>
+FIELDDEFORM_SIMD_INLINE void addPoints(const MlsTerm* terms, std::size_t count, const Pack* at, const Pack* weights, Sums<Pack>& s) {
+  const Pack ax = at[0], ay = at[1], az = at[2];
+  Pack px = s.p[0], py = s.p[1], pz = s.p[2], qx = s.q[0], qy = s.q[1], qz = s.q[2];
+  Pack xx = s.pq[0], xy = s.pq[1], xz = s.pq[2], yx = s.pq[3], yy = s.pq[4], yz = s.pq[5], zx = s.pq[6], zy = s.pq[7], zz = s.pq[8];
+  for (std::size_t i = 0; i < count; ++i) {
+    const MlsTerm& term = terms[i];
+    const Pack w = weights[i];
+    const Pack x = w * (term.rest[0] - ax), y = w * (term.rest[1] - ay), z = w * (term.rest[2] - az);
+    const Pack u = term.posed[0] - ax, v = term.posed[1] - ay, t = term.posed[2] - az;
+    px += x;
+    py += y;
+    pz += z;
+    qx += w * u;
+    qy += w * v;
+    qz += w * t;
+    xx += x * u;
+    xy += x * v;
+    xz += x * t;
+    yx += y * u;
+    yy += y * v;
+    yz += y * t;
+    zx += z * u;
+    zy += z * v;
+    zz += z * t;
+  }
+  const Pack p[3] = {px, py, pz}, q[3] = {qx, qy, qz}, pq[9] = {xx, xy, xz, yx, yy, yz, zx, zy, zz};
+  for (int k = 0; k < 3; ++k) s.p[k] = p[k];
+  for (int k = 0; k < 3; ++k) s.q[k] = q[k];
+  for (int k = 0; k < 9; ++k) s.pq[k] = pq[k];
+}
+
+// Samples in their order, some at a time: weights, then sums, so that registers hold them.
+template <class Pack>
+FIELDDEFORM_SIMD_INLINE void sumUp(const Task& task, const Pack* at, Sums<Pack>& s) {
+  constexpr std::uint32_t kSome = 32;
+  Pack nearest, weights[kSome];
+  nearestOf(task, at, nearest);
+  s = Sums<Pack>{};
   for (const MlsRun& run : task.runs)
-    for (std::uint32_t j = run.begin; j < run.end; ++j) {
-      const MlsTerm& term = task.terms[j];
-      const Pack x = term.rest[0] - at[0], y = term.rest[1] - at[1], z = term.rest[2] - at[2];
-      const Pack square = (x * x + y * y + z * z) * term.steepness;
-      Pack distance, w;
-      sqrtLanes(square, distance);
-      const Pack exponent = nearest - distance;
-      powerOfTwoLanes(exponent, w);
-      w = w * term.mass;
-      w = exponent < kNegligible ? zero : w;
-      weight += w;
-      scale += w * term.scale;
-      const Pack u = term.posed[0] - at[0], v = term.posed[1] - at[1], t = term.posed[2] - at[2];
-      const Pack wx = w * x, wy = w * y, wz = w * z;
-      px += wx;
-      py += wy;
-      pz += wz;
-      qx += w * u;
-      qy += w * v;
-      qz += w * t;
-      xx += wx * u;
-      xy += wx * v;
-      xz += wx * t;
-      yx += wy * u;
-      yy += wy * v;
-      yz += wy * t;
-      zx += wz * u;
-      zy += wz * v;
-      zz += wz * t;
-      r0 += w * term.rotation[0];
-      r1 += w * term.rotation[1];
-      r2 += w * term.rotation[2];
-      r3 += w * term.rotation[3];
-      r4 += w * term.rotation[4];
-      r5 += w * term.rotation[5];
-      r6 += w * term.rotation[6];
-      r7 += w * term.rotation[7];
-      r8 += w * term.rotation[8];
+    for (std::uint32_t j = run.begin; j < run.end; j += kSome) {
+      const MlsTerm* terms = &task.terms[j];
+      const std::size_t count = run.end - j < kSome ? run.end - j : kSome;
+      weigh(terms, count, at, nearest, weights);
+      addFrames(terms, count, weights, s);
+      addPoints(terms, count, at, weights, s);
     }
-  s = {weight, scale, {px, py, pz}, {qx, qy, qz}, {xx, xy, xz, yx, yy, yz, zx, zy, zz}, {r0, r1, r2, r3, r4, r5, r6, r7, r8}};
 }
 
 // Orthonormal rows from the first two of a mean of rotations.
