@@ -1,7 +1,7 @@
 // Bind and edit of a bumpy capsule in CPU-nanoseconds a vertex: a 100-segment line bent by 90 degrees, four lines twisted
 // by 180 degrees, a mesh skeleton of 1000 triangles bent; a falloff, a corner, a thin object.
 //   edit_bench [--vertices N] [--repeats N] [--peer NANOSECONDS] [--segments N] [--threads N]
-//              [--case line|mls|twist|mesh|exact|falloff|corner|thin]
+//              [--case line|mls|twist|mesh|exact|grid|falloff|corner|thin]
 //   edit_bench --write FILE [--vertices N]    the capsule as a mesh file, and nothing else
 // An edit is everything that a new pose of a bound mesh costs: frames, grid, prediction, correction, guard, statuses and
 // residuals; counting folds and the retry that `deform` adds have rows of their own.
@@ -159,6 +159,8 @@ int main(int argc, char** argv) {
   if (wants("mls")) bench.run(line, Mls, gffd::Evaluation::Auto);
   if (wants("twist")) bench.run(fourLineTwist(), Axial, gffd::Evaluation::Auto);
   if (wants("mesh")) bench.run(cageBend(), Axial, gffd::Evaluation::Auto);
+  if (wants("grid"))  // whatever auto would take
+    for (const auto predictor : {Axial, Mls}) bench.run(line, predictor, gffd::Evaluation::Grid);
   if (wants("falloff"))
     for (const auto predictor : {Axial, Mls}) bench.run(upperBend(), predictor, gffd::Evaluation::Auto, gffd::Falloff::On);
   if (wants("corner"))

@@ -49,6 +49,7 @@ class Stage {
   /// and the same bytes with any of them and in any company. For stages with a grid.
   /// @param level  the points' D / R, negative where it is not known
   /// @param weight  what the falloff leaves each point, > 0; null: 1
+  /// @param out  may be `points`
   void displacementsAt(const Block& points, std::size_t count, const double* level, const double* weight, Block& out) const;
   /// min_i |d_i| / r_i of a block of points. For stages with a grid.
   void nearnessAt(const Block& points, std::size_t count, double* out) const;
