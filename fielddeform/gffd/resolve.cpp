@@ -17,7 +17,7 @@ constexpr std::size_t kAxialPrimitives = 8;  // the closest frame costs a search
 // A surface's cells have about six nodes each and are checked at several points: below as many vertices a cell the predictor
 // itself is quicker. At nodes it goes by blocks for lines and points, one by one for meshes. Of few vertices nobody sees the
 // difference.
-constexpr std::size_t kVerticesPerCell = 2, kVerticesPerMeshCell = 7, kFewVertices = 10000;
+constexpr std::size_t kVerticesPerCell = 5, kVerticesPerMlsCell = 2, kVerticesPerMeshCell = 7, kFewVertices = 10000;
 
 // Greatest distance from a mesh's vertices to the nearest primitive.
 double greatestDistance(const mesh::Mesh& mesh, skeleton::Skeleton skeleton, field::FieldOptions options) {
@@ -164,7 +164,7 @@ Evaluation chooseEvaluation(const mesh::Mesh& mesh, const ResolvedOptions& r) {
   const auto& frame = r.embedding->cells;
   const std::size_t n = mesh.vertexCount();
   if (!frame || n < kFewVertices || r.options.substeps > 1) return Evaluation::Exact;
-  std::size_t perCell = kVerticesPerCell;
+  std::size_t perCell = r.options.predictor == Predictor::Mls ? kVerticesPerMlsCell : kVerticesPerCell;
   for (const auto& p : r.skeletons.rest.primitives)
     if (p.type == skeleton::PrimitiveType::Mesh) perCell = kVerticesPerMeshCell;
   const auto& points = mesh.positions();

@@ -45,15 +45,14 @@ DisplacementGrid::DisplacementGrid(const CellFrame& frame, Source source)
     : frame_(frame), source_(std::move(source)), cells_(std::make_shared<const Cells>()) {}
 
 void DisplacementGrid::Cells::polynomial(const CellIndex& cell, double* coefficients) const {
-  for (int i = 0; i < 4; ++i)
-    for (int j = 0; j < 4; ++j)
-      for (int k = 0; k < 4; ++k, coefficients += 3) {
-        const Vec3& d = node_[nodes_.find({cell.x + i - 1, cell.y + j - 1, cell.z + k - 1})];
-        coefficients[0] = d[0];
-        coefficients[1] = d[1];
-        coefficients[2] = d[2];
-      }
-  cubicFromNodes(coefficients - kCoefficients);
+  double* at = coefficients;
+  for (const std::uint32_t n : around_[cells_.find(cell)]) {
+    const Vec3& d = node_[n];
+    *at++ = d[0];
+    *at++ = d[1];
+    *at++ = d[2];
+  }
+  cubicFromNodes(coefficients);
 }
 
 std::shared_ptr<const DisplacementGrid::Cells> DisplacementGrid::with(std::span<const CellOrder::Run> runs,
@@ -74,12 +73,14 @@ std::shared_ptr<const DisplacementGrid::Cells> DisplacementGrid::with(std::span<
     const auto next = static_cast<std::uint32_t>(firstCell + newCells.size());
     if (cells->cells_.insert(run.cell, next) != next) continue;
     newCells.push_back(run.cell);
+    std::uint32_t* around = cells->around_.emplace_back().data();
     for (int i = -1; i < 3; ++i)
       for (int j = -1; j < 3; ++j)
         for (int k = -1; k < 3; ++k) {
           const CellIndex node{run.cell.x + i, run.cell.y + j, run.cell.z + k};
           const auto number = static_cast<std::uint32_t>(firstNode + newNodes.size());
-          if (cells->nodes_.insert(node, number) == number) newNodes.push_back(node);
+          *around = cells->nodes_.insert(node, number);
+          if (*around++ == number) newNodes.push_back(node);
         }
   }
   cells->node_.resize(firstNode + newNodes.size());

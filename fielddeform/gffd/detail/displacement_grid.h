@@ -4,6 +4,7 @@
 #include <fielddeform/gffd/detail/cells.h>
 #include <fielddeform/gffd/detail/grid_kernel.h>
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -34,6 +35,7 @@ class DisplacementGrid {
     friend class DisplacementGrid;
     CellTable nodes_, cells_;
     std::vector<Vec3> node_;
+    std::vector<std::array<std::uint32_t, 64>> around_;  // each cell's nodes
     std::vector<char> fine_;
   };
 
