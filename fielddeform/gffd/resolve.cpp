@@ -14,9 +14,10 @@ namespace {
 
 constexpr std::size_t kSamplePoints = 4096;
 constexpr std::size_t kAxialPrimitives = 8;  // the closest frame costs a search in every one
-// A surface's cells have about six nodes each and are checked at one point: below as many vertices a cell the predictor
-// itself is quicker. Of few vertices nobody sees the difference.
-constexpr std::size_t kVerticesPerCell = 7, kFewVertices = 10000;
+// A surface's cells have about six nodes each and are checked at several points: below as many vertices a cell the predictor
+// itself is quicker. At nodes it goes by blocks for lines and points, one by one for meshes. Of few vertices nobody sees the
+// difference.
+constexpr std::size_t kVerticesPerCell = 5, kVerticesPerMlsCell = 2, kVerticesPerMeshCell = 7, kFewVertices = 10000;
 
 // Greatest distance from a mesh's vertices to the nearest primitive.
 double greatestDistance(const mesh::Mesh& mesh, skeleton::Skeleton skeleton, field::FieldOptions options) {
@@ -168,10 +169,12 @@ Evaluation chooseEvaluation(const mesh::Mesh& mesh, const ResolvedOptions& r) {
   const auto isMesh = [](const skeleton::Primitive& p) { return p.type == skeleton::PrimitiveType::Mesh; };
   const auto& primitives = r.skeletons.rest.primitives;
   if (r.options.predictor == Predictor::Axial && std::any_of(primitives.begin(), primitives.end(), isMesh)) return Evaluation::Exact;
+  std::size_t perCell = r.options.predictor == Predictor::Mls ? kVerticesPerMlsCell : kVerticesPerCell;
+  if (std::any_of(primitives.begin(), primitives.end(), isMesh)) perCell = kVerticesPerMeshCell;
   const auto& points = mesh.positions();
   const std::size_t cells =
-      detail::countCells(*frame, points, [&](std::size_t i) { return points[i].allFinite(); }, n / kVerticesPerCell);
-  return cells * kVerticesPerCell <= n ? Evaluation::Grid : Evaluation::Exact;
+      detail::countCells(*frame, points, [&](std::size_t i) { return points[i].allFinite(); }, n / perCell);
+  return cells * perCell <= n ? Evaluation::Grid : Evaluation::Exact;
 }
 
 // Grids near the vertices. The paper's trackers go their own ways between the poses: theirs reach everywhere.

@@ -1,6 +1,7 @@
 // Bind and edit of a bumpy capsule in CPU-nanoseconds a vertex: a 100-segment line bent by 90 degrees, four lines twisted
-// by 180 degrees, a mesh skeleton of 1000 triangles bent.
-//   edit_bench [--vertices N] [--repeats N] [--peer NANOSECONDS] [--case line|mls|twist|mesh|exact] [--segments N] [--triangles N] [--threads N]
+// by 180 degrees, a mesh skeleton of 1000 triangles bent; a falloff, a corner, a thin object.
+//   edit_bench [--vertices N] [--repeats N] [--peer NANOSECONDS] [--segments N] [--triangles N] [--threads N]
+//              [--case line|mls|twist|mesh|exact|grid|falloff|corner|thin]
 //   edit_bench --write FILE [--vertices N]    the capsule as a mesh file, and nothing else
 // An edit is everything that a new pose of a bound mesh costs: frames, grid, prediction, correction, guard, statuses and
 // residuals; counting folds and the retry that `deform` adds have rows of their own.
@@ -51,6 +52,23 @@ Edit fourLineTwist() {
   return e;
 }
 
+// The upper half of the object alone, bent: the falloff joins it to the rest.
+Edit upperBend() {
+  auto rest = tests::verticalLine(51, 1);
+  for (Vec3& p : rest) p[2] += 0.6;
+  auto posed = rest;
+  for (Vec3& p : posed) p[2] -= 0.1;
+  posed = tests::bendMap(posed, std::numbers::pi / 4, 1);
+  for (Vec3& p : posed) p[2] += 0.1;
+  return {"falloff", {{primitive("line", rest, 0.6)}, {}}, {{primitive("line", posed, 0.6)}, {}}};
+}
+
+// Two straight limbs that a joint bends by 60 degrees.
+Edit corner() {
+  const std::vector<Vec3> rest{{0, 0, -1}, {0, 0, 0}, {0, 0, 1}}, posed{{0, 0, -1}, {0, 0, 0}, {std::sin(std::numbers::pi / 3), 0, 0.5}};
+  return {"corner", {{primitive("line", rest, 0.6)}, {}}, {{primitive("line", posed, 0.6)}, {}}};
+}
+
 // About as many triangles; 1000 are 1012.
 Edit cageBend(int triangles) {
   const int around = std::max(3, static_cast<int>(std::lround(std::sqrt(triangles / 2.0 * 22 / 23))));
@@ -69,8 +87,8 @@ class Bench {
  public:
   Bench(const mesh::Mesh& mesh, int repeats, double peer) : mesh_(mesh), repeats_(repeats), peer_(peer) {}
 
-  void run(const Edit& edit, gffd::Predictor predictor, gffd::Evaluation evaluation) const {
-    const gffd::GffdMap map(gffd::resolve({.predictor = predictor, .evaluation = evaluation, .falloff = gffd::Falloff::Off}, mesh_,
+  void run(const Edit& edit, gffd::Predictor predictor, gffd::Evaluation evaluation, gffd::Falloff falloff = gffd::Falloff::Off) const {
+    const gffd::GffdMap map(gffd::resolve({.predictor = predictor, .evaluation = evaluation, .falloff = falloff}, mesh_,
                                           skeleton::pairSkeletons(edit.rest, edit.posed)));
     const std::string name = fmt::format("{}, {}, {}", edit.name, gffd::toString(predictor), map.usesGrid() ? "grid" : "exact");
     std::shared_ptr<const map::Binding> binding;
@@ -146,6 +164,20 @@ int main(int argc, char** argv) {
   if (wants("mls")) bench.run(line, Mls, gffd::Evaluation::Auto);
   if (wants("twist")) bench.run(fourLineTwist(), Axial, gffd::Evaluation::Auto);
   if (wants("mesh")) bench.run(cageBend(triangles), Axial, gffd::Evaluation::Auto);
+  if (wants("grid"))  // whatever auto would take
+    for (const auto predictor : {Axial, Mls}) bench.run(line, predictor, gffd::Evaluation::Grid);
+  if (wants("falloff"))
+    for (const auto predictor : {Axial, Mls}) bench.run(upperBend(), predictor, gffd::Evaluation::Auto, gffd::Falloff::On);
+  if (wants("corner"))
+    for (const auto predictor : {Axial, Mls}) bench.run(corner(), predictor, gffd::Evaluation::Auto);
+  if (wants("thin")) {
+    // A tenth of the influence radius thick.
+    const mesh::Mesh thin = tests::makeCapsule({.radius = 0.06, .around = around / 2, .along = static_cast<int>(wanted / (around / 2))});
+    const Bench thinly(thin, repeats, peer);
+    Edit edit = line;
+    edit.name = "thin object";
+    for (const auto predictor : {Axial, Mls}) thinly.run(edit, predictor, gffd::Evaluation::Auto);
+  }
   if (wants("exact")) {
     bench.run(line, Axial, gffd::Evaluation::Exact);
     bench.run(line, Mls, gffd::Evaluation::Exact);

@@ -206,7 +206,7 @@ TEST(Grid, IdentityAndRigidEditsAreRecognisedFirst) {
   }
 }
 
-TEST(Grid, PointsOutsideTheInfluenceKeepTheirBitsAndAFalloffIsExact) {
+TEST(Grid, PointsOutsideTheInfluenceKeepTheirBitsAndAFalloffIsExactToRounding) {
   const mesh::Mesh mesh = fielddeform::tests::makeCapsule({.around = 60, .along = 120});
   const auto rest = lineSkeleton(verticalLine(9, 0.8), 0.4), posed = lineSkeleton(bendMap(verticalLine(9, 0.8), 0.8, 0.8), 0.4);
   Options options{.predictor = Predictor::Axial, .evaluation = Evaluation::Grid, .guard = false};
@@ -224,7 +224,7 @@ TEST(Grid, PointsOutsideTheInfluenceKeepTheirBitsAndAFalloffIsExact) {
       ASSERT_EQ(b.position[i], mesh.positions()[i]);
     } else if (weight[i] < 1) {
       ++faded;
-      ASSERT_EQ(b.safe[i], a.safe[i]);
+      ASSERT_LT((b.safe[i] - a.safe[i]).norm(), 1e-12);
       ASSERT_LT((b.position[i] - a.position[i]).norm(), 1e-12);  // the same mathematics in another order
     }
   }

@@ -2,7 +2,9 @@
 
 #include <fielddeform/core/progress.h>
 #include <fielddeform/gffd/detail/cells.h>
+#include <fielddeform/gffd/detail/grid_kernel.h>
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -16,9 +18,9 @@ class DisplacementGrid {
  public:
   /// What is put on the grid.
   struct Source {
-    std::function<Vec3(const Vec3&)> displacement;  ///< exact, at a rest point
-    std::function<double(const Vec3&)> nearness;    ///< distance to the skeleton in radii
-    double tolerance = 0;                           ///< twice what interpolation may be off where it is checked, world
+    std::function<void(const Block&, std::size_t, Block&)> displacements;  ///< exact, at a block of rest points
+    std::function<void(const Block&, std::size_t, double*)> nearness;      ///< distances to the skeleton in radii
+    double tolerance = 0;  ///< twice what interpolation may be off where it is checked, world
   };
   /// Nodes and cells at one moment; never changes.
   class Cells {
@@ -33,6 +35,7 @@ class DisplacementGrid {
     friend class DisplacementGrid;
     CellTable nodes_, cells_;
     std::vector<Vec3> node_;
+    std::vector<std::array<std::uint32_t, 64>> around_;  // each cell's nodes
     std::vector<char> fine_;
   };
 
@@ -42,7 +45,8 @@ class DisplacementGrid {
   const CellFrame& frame() const noexcept { return frame_; }
 
  private:
-  void check(Cells& cells, const CellIndex& cell, std::uint32_t number) const;
+  void fill(Cells& cells, std::span<const CellIndex> nodes, std::uint32_t first) const;
+  void check(Cells& cells, std::span<const CellIndex> some, std::uint32_t first) const;
 
   CellFrame frame_;
   Source source_;

@@ -1,5 +1,6 @@
 #include <fielddeform/core/detail/simd.h>
 #include <fielddeform/gffd/detail/grid_kernel.h>
+#include <fielddeform/gffd/detail/lane_math.h>
 #include <fielddeform/numeric/elementary.h>
 
 #include <algorithm>
@@ -12,7 +13,7 @@ namespace {
 using fielddeform::detail::SimdLevel;
 using fielddeform::detail::simdLevel;
 
-using fielddeform::detail::Baseline, fielddeform::detail::Avx2, fielddeform::detail::Avx512;
+constexpr double kLog2E = 1.4426950408889634;
 
 // Lagrange's cubic through f at -1, 0, 1, 2 in powers of t, for n neighbouring columns; differences first, so that equal
 // values give exactly a constant.
@@ -54,8 +55,10 @@ FIELDDEFORM_SIMD_INLINE void cubicKernel(const CubicTask& task) {
   constexpr std::size_t lanes = sizeof(Pack) / 8;
   const double* cell = task.cell;
   for (std::size_t p = 0; p < task.count; p += lanes) {
-    const Pack u = *reinterpret_cast<const Pack*>(task.u + p), v = *reinterpret_cast<const Pack*>(task.v + p),
-               w = *reinterpret_cast<const Pack*>(task.w + p);
+    Pack u, v, w;
+    std::memcpy(&u, task.u + p, sizeof(Pack));
+    std::memcpy(&v, task.v + p, sizeof(Pack));
+    std::memcpy(&w, task.w + p, sizeof(Pack));
     Pack sum[3] = {};
     for (int i = 3; i >= 0; --i) {
       Pack plane[3] = {};
@@ -65,9 +68,9 @@ FIELDDEFORM_SIMD_INLINE void cubicKernel(const CubicTask& task) {
       }
       for (int e = 0; e < 3; ++e) sum[e] = sum[e] * u + plane[e];
     }
-    *reinterpret_cast<Pack*>(task.x + p) = sum[0];
-    *reinterpret_cast<Pack*>(task.y + p) = sum[1];
-    *reinterpret_cast<Pack*>(task.z + p) = sum[2];
+    storeLanes(sum[0], task.x + p);
+    storeLanes(sum[1], task.y + p);
+    storeLanes(sum[2], task.z + p);
   }
 }
 
@@ -101,28 +104,39 @@ struct AddTask {
 
 template <class L>
 FIELDDEFORM_SIMD_INLINE void addKernel(const AddTask& task) {
+  using Pack = typename L::Pack;
   const LineHits& h = task.hits;
   LineSums& s = task.sums;
-  const double r = task.term.radius, weight = task.term.weight, k = task.sharpness, end = task.end;
-  const double plain = task.term.plain ? 1 : 0, inverse = 1 / r;
-  for (std::size_t i = 0; i < kLanes; ++i) {
-    const double d = std::sqrt(h.square[i]);
-    const double f = d / r, x = k * f;
-    const double e = numeric::exp(-x);
-    const double add = weight * (e - end);
-    const bool reaches = add > 0 && x < k;
-    const double n = inverse / d;
-    const double gx = h.x[i] * n, gy = h.y[i] * n, gz = h.z[i] * n, slope = weight * e;
-    s.sum[i] += reaches ? add : 0;
-    s.gx[i] += reaches ? slope * gx : 0;
-    s.gy[i] += reaches ? slope * gy : 0;
-    s.gz[i] += reaches ? slope * gz : 0;
-    s.active[i] += reaches ? 1.0 : 0.0;
-    s.plain[i] = reaches ? plain : s.plain[i];
-    s.only[i] = reaches ? f : s.only[i];
-    s.ox[i] = reaches ? gx : s.ox[i];
-    s.oy[i] = reaches ? gy : s.oy[i];
-    s.oz[i] = reaches ? gz : s.oz[i];
+  const double weight = task.term.weight, k = task.sharpness, end = task.end, inverse = 1 / task.term.radius;
+  const Pack zero{}, one = zero + 1.0, plain = zero + (task.term.plain ? 1.0 : 0.0);
+  for (std::size_t i = 0; i < kLanes; i += sizeof(Pack) / 8) {
+    const auto at = [i](const double* numbers, Pack& to) __attribute__((always_inline)) { std::memcpy(&to, numbers + i, sizeof(Pack)); };
+    Pack square, d, e, sum, active, known, only, x, y, z, gx, gy, gz;
+    at(h.square, square);
+    sqrtLanes(square, d);
+    const Pack f = d * inverse;
+    const Pack exponent = f * (-kLog2E * k);
+    powerOfTwoLanes(exponent, e);
+    const auto reaches = (e > end) & (f < 1.0);
+    const Pack add = reaches ? weight * (e - end) : zero;
+    const Pack slope = reaches ? (weight * inverse) * e / d : zero;
+    at(s.sum, sum);
+    storeLanes<Pack>(sum + add, s.sum + i);
+    at(h.x, x);
+    at(h.y, y);
+    at(h.z, z);
+    at(s.gx, gx);
+    at(s.gy, gy);
+    at(s.gz, gz);
+    storeLanes<Pack>(gx + slope * x, s.gx + i);
+    storeLanes<Pack>(gy + slope * y, s.gy + i);
+    storeLanes<Pack>(gz + slope * z, s.gz + i);
+    at(s.active, active);
+    at(s.plain, known);
+    at(s.only, only);
+    storeLanes<Pack>(active + (reaches ? one : zero), s.active + i);
+    storeLanes<Pack>(reaches ? plain : known, s.plain + i);
+    storeLanes<Pack>(reaches ? f : only, s.only + i);
   }
 }
 
@@ -140,28 +154,29 @@ FIELDDEFORM_SIMD_INLINE void finishKernel(const FinishTask& task) {
   for (std::size_t i = 0; i < kLanes; ++i) {
     const double total = s.sum[i] + task.end;
     const double x = -numeric::log(total);
-    double steepness = total;
-    steepness = 2 * x < k && steepness < floor ? floor : steepness;
-    const double slope = reference / steepness;
+    // Alone, a primitive of weight 1 has the slope of its distance: there is no floor under it.
     const bool single = s.active[i] * s.plain[i] == 1;
+    double steepness = total;
+    steepness = !single && 2 * x < k && steepness < floor ? floor : steepness;
+    const double slope = reference / steepness;
     const double value = single ? reference * s.only[i] : reference * (x / k);
     o.value[i] = s.active[i] > 0 ? value : std::numeric_limits<double>::quiet_NaN();
-    o.gx[i] = single ? reference * s.ox[i] : slope * s.gx[i];
-    o.gy[i] = single ? reference * s.oy[i] : slope * s.gy[i];
-    o.gz[i] = single ? reference * s.oz[i] : slope * s.gz[i];
+    o.gx[i] = slope * s.gx[i];
+    o.gy[i] = slope * s.gy[i];
+    o.gz[i] = slope * s.gz[i];
   }
 }
 
-#define FIELDDEFORM_LEVELS(name, Task, kernel)                                         \
-  void name##Baseline(const Task& task) { kernel<Baseline>(task); }                    \
-  FIELDDEFORM_SIMD_AVX2 void name##Avx2(const Task& task) { kernel<Avx2>(task); }      \
-  FIELDDEFORM_SIMD_AVX512 void name##Avx512(const Task& task) { kernel<Avx512>(task); } \
-  void name(const Task& task) {                                                        \
-    switch (simdLevel()) {                                                             \
-      case SimdLevel::Avx512: return name##Avx512(task);                               \
-      case SimdLevel::Avx2: return name##Avx2(task);                                   \
-      case SimdLevel::Baseline: return name##Baseline(task);                           \
-    }                                                                                  \
+#define FIELDDEFORM_LEVELS(name, Task, kernel)                                               \
+  void name##Baseline(const Task& task) { kernel<BaselineLanes>(task); }                     \
+  FIELDDEFORM_SIMD_AVX2 void name##Avx2(const Task& task) { kernel<Avx2Lanes>(task); }       \
+  FIELDDEFORM_SIMD_AVX512 void name##Avx512(const Task& task) { kernel<Avx512Lanes>(task); } \
+  void name(const Task& task) {                                                              \
+    switch (simdLevel()) {                                                                   \
+      case SimdLevel::Avx512: return name##Avx512(task);                                     \
+      case SimdLevel::Avx2: return name##Avx2(task);                                         \
+      case SimdLevel::Baseline: return name##Baseline(task);                                 \
+    }                                                                                        \
   }
 
 FIELDDEFORM_LEVELS(runNodes, NodesTask, nodesKernel)

@@ -19,6 +19,11 @@ void cubicFromNodes(double* cell);
 void cubicAt(const double* cell, std::size_t count, const double* u, const double* v, const double* w, double* x, double* y,
              double* z);
 
+/// Coordinates of a block of points; those from the count on may hold anything finite.
+struct Block {
+  alignas(64) double x[kLanes], y[kLanes], z[kLanes];
+};
+
 /// A primitive as the sum of potentials sees it.
 struct LineTerm {
   double radius, weight;
@@ -28,13 +33,15 @@ struct LineTerm {
 /// What is summed up over the primitives for a block. Field::evaluate() with exponential potentials; docs/field.md.
 struct LineSums {
   alignas(64) double sum[kLanes], gx[kLanes], gy[kLanes], gz[kLanes];
-  alignas(64) double only[kLanes], ox[kLanes], oy[kLanes], oz[kLanes];  // of the last primitive in reach: d / r, its gradient
-  alignas(64) double active[kLanes], plain[kLanes];
+  alignas(64) double active[kLanes];             // how many reach
+  alignas(64) double only[kLanes], plain[kLanes];  // of the last that does: d / r, and whether it is plain
 };
 
-/// Offsets from the closest points of one primitive.
+/// Offsets from the closest points of one primitive, and where on it those are.
 struct LineHits {
   alignas(64) double x[kLanes], y[kLanes], z[kLanes], square[kLanes];
+  alignas(64) double element[kLanes];  ///< segment, as a number
+  alignas(64) double along[kLanes];    ///< from the segment's start, world; not cut off at its ends
 };
 
 struct LineValues {

@@ -86,29 +86,52 @@ class Tracker {
       w_[k] = (p[2] - frame.origin[2]) * frame.inverse - cell.z;
     }
     if (fine) cubicAt(polynomial_, take, u_, v_, w_, dx_, dy_, dz_);
-    const bool falloff = stage_.hasFalloff();
-    for (std::uint32_t k = 0; k < take; ++k) {
+    predictExactly(at, take, fine);
+    for (std::size_t k = 0; k < take; ++k) {
       const std::uint32_t i = index_[at + k];
-      const Vec3& p = binding_.rest[i];
-      const double weight = falloff ? stage_.weight(binding_.value(i)) : 1;
-      Vec3 to;
-      if (fine && weight >= 1) {
-        to = p + Vec3(dx_[k], dy_[k], dz_[k]);
-        ++counts_.grid;
-      } else {
-        to = stage_.predict(p, binding_.value(i), weight);
-        ++counts_.exact;
-      }
+      const Vec3 p = binding_.rest[i], to = p + Vec3(dx_[k], dy_[k], dz_[k]);
       if (!to.allFinite()) {
         write(i, {p, p, Status::Stalled, 0});
         continue;
       }
       index_[count_] = i;
-      weight_[count_] = weight;
+      weight_[count_] = weight_[at + k];
       predicted_.x[count_] = to[0];
       predicted_.y[count_] = to[1];
       predicted_.z[count_] = to[2];
       ++count_;
+    }
+  }
+
+  // The displacements that the grid does not give: all of them in a cell that is not fine, and those within a falloff.
+  void predictExactly(std::size_t at, std::size_t take, bool fine) {
+    const bool falloff = stage_.hasFalloff();
+    std::size_t count = 0;
+    for (std::size_t k = 0; k < take; ++k) {
+      const std::uint32_t i = index_[at + k];
+      const double weight = falloff ? stage_.weight(binding_.value(i)) : 1;
+      weight_[at + k] = weight;
+      if (fine && weight >= 1) continue;
+      if (!(weight > 0)) {
+        dx_[k] = dy_[k] = dz_[k] = 0;
+        continue;
+      }
+      const Vec3& p = binding_.rest[i];
+      slot_[count] = static_cast<std::uint32_t>(k);
+      exact_.x[count] = p[0];
+      exact_.y[count] = p[1];
+      exact_.z[count] = p[2];
+      exactLevel_[count] = binding_.level[i];
+      exactWeight_[count++] = weight;
+    }
+    counts_.exact += count;
+    counts_.grid += take - count;
+    if (count == 0) return;
+    stage_.displacementsAt(exact_, count, exactLevel_, falloff ? exactWeight_ : nullptr, exact_);
+    for (std::size_t e = 0; e < count; ++e) {
+      dx_[slot_[e]] = exact_.x[e];
+      dy_[slot_[e]] = exact_.y[e];
+      dz_[slot_[e]] = exact_.z[e];
     }
   }
 
@@ -216,11 +239,11 @@ class Tracker {
   std::size_t count_ = 0;
   alignas(64) double polynomial_[kCoefficients];
   alignas(64) double u_[kLanes + 8] = {}, v_[kLanes + 8] = {}, w_[kLanes + 8] = {}, dx_[kLanes + 8], dy_[kLanes + 8], dz_[kLanes + 8];
-  Block predicted_, next_;
+  Block predicted_, next_, exact_;
   LineValues values_;
   double x_[kLanes], y_[kLanes], z_[kLanes], gx_[kLanes], gy_[kLanes], gz_[kLanes];
-  double weight_[kLanes], target_[kLanes], residual_[kLanes];
-  std::uint32_t index_[kLanes], open_[kLanes], unsettled_[kLanes];
+  double weight_[kLanes], exactLevel_[kLanes], exactWeight_[kLanes], target_[kLanes], residual_[kLanes];
+  std::uint32_t index_[kLanes], slot_[kLanes], open_[kLanes], unsettled_[kLanes];
 };
 
 }  // namespace

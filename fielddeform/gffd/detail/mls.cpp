@@ -1,4 +1,5 @@
 #include <fielddeform/core/parallel.h>
+#include <fielddeform/gffd/detail/line_finder.h>
 #include <fielddeform/gffd/detail/mls.h>
 #include <fielddeform/numeric/elementary.h>
 #include <fielddeform/numeric/rotation.h>
@@ -12,6 +13,8 @@ namespace {
 
 constexpr double kSharpness = 8;
 constexpr double kCutoff = 36;  // exp(-36) is below rounding
+constexpr double kLog2E = 1.4426950408889634;
+constexpr double kRounding = 1 + 1e-9;
 constexpr Index kBlock = 16;
 
 std::uint64_t spread(std::uint64_t x) {
@@ -51,25 +54,52 @@ MlsPredictor::MlsPredictor(const skeleton::SampledPair& pair) {
       samples_.push_back({pair.rest[j], pair.posed[j] - pair.rest[j], 1, 1 / pair.set.samples[j].radius,
                           pair.scale[j], pair.rotation[j].toRotationMatrix()});
   for (Index b = 0; b < samples_.size(); b += kBlock) {
-    Block block{Vec3::Zero(), 0, 0, 0, b, std::min<Index>(b + kBlock, static_cast<Index>(samples_.size()))};
+    Ball ball{Vec3::Zero(), 0, 0, 0, b, std::min<Index>(b + kBlock, static_cast<Index>(samples_.size()))};
     Box box;
-    block.inverseRadiusMin = samples_[b].inverseRadius;
-    for (Index j = block.begin; j < block.end; ++j) {
+    ball.inverseRadiusMin = samples_[b].inverseRadius;
+    for (Index j = ball.begin; j < ball.end; ++j) {
       box.extend(samples_[j].rest);
-      block.inverseRadiusMax = std::max(block.inverseRadiusMax, samples_[j].inverseRadius);
-      block.inverseRadiusMin = std::min(block.inverseRadiusMin, samples_[j].inverseRadius);
+      ball.inverseRadiusMax = std::max(ball.inverseRadiusMax, samples_[j].inverseRadius);
+      ball.inverseRadiusMin = std::min(ball.inverseRadiusMin, samples_[j].inverseRadius);
     }
-    block.centre = box.center();
-    for (Index j = block.begin; j < block.end; ++j)
-      block.radius = std::max(block.radius, (samples_[j].rest - block.centre).norm());
-    blocks_.push_back(block);
+    ball.centre = box.center();
+    for (Index j = ball.begin; j < ball.end; ++j)
+      ball.radius = std::max(ball.radius, (samples_[j].rest - ball.centre).norm());
+    balls_.push_back(ball);
   }
+  for (const Sample& s : samples_) {
+    const Vec3 posed = s.rest + s.move;
+    const double steepness = kSharpness * kLog2E * s.inverseRadius;
+    MlsTerm term{{s.rest[0], s.rest[1], s.rest[2]}, {posed[0], posed[1], posed[2]}, {}, s.mass, s.scale, steepness * steepness};
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) term.rotation[3 * i + j] = s.rotation(i, j);
+    terms_.push_back(term);
+  }
+}
+
+void MlsPredictor::at(const Block& points, std::size_t count, MlsBlock& out) const {
+  Vec3 centre;
+  double radius = 0;
+  ballOf(points, count, centre, radius);
+  // No point's nearest sample is farther, in units of that sample's radius.
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const Ball& b : balls_) nearest = std::min(nearest, ((centre - b.centre).norm() + b.radius + radius) * b.inverseRadiusMax);
+  const double reach = (nearest + kCutoff / kSharpness) * kRounding;
+  // More samples do no harm: when there is no place for another run the last one takes in what lies between.
+  std::array<MlsRun, 32> runs;
+  std::size_t held = 0;
+  for (const Ball& b : balls_) {
+    if (((centre - b.centre).norm() - b.radius - radius) * b.inverseRadiusMin > reach) continue;
+    if (held > 0 && (runs[held - 1].end == b.begin || held == runs.size())) runs[held - 1].end = b.end;
+    else runs[held++] = {b.begin, b.end};
+  }
+  mlsMotions(terms_, std::span(runs).first(held), points, count, out);
 }
 
 LocalMotion MlsPredictor::at(const Vec3& point) const {
   // The nearest sample in units of its radius; its weight is one.
   double nearest = std::numeric_limits<double>::infinity();
-  for (const Block& b : blocks_) {
+  for (const Ball& b : balls_) {
     const double low = ((point - b.centre).norm() - b.radius) * b.inverseRadiusMin;
     if (low > nearest) continue;
     for (Index j = b.begin; j < b.end; ++j)
@@ -79,7 +109,7 @@ LocalMotion MlsPredictor::at(const Vec3& point) const {
   constexpr int kRows = 1 + 3 + 3 + 9 + 6 + 9 + 1;
   std::array<double, kRows> sum{};
   const double reach = nearest + kCutoff / kSharpness;
-  for (const Block& b : blocks_) {
+  for (const Ball& b : balls_) {
     if (((point - b.centre).norm() - b.radius) * b.inverseRadiusMin > reach) continue;
     const Index n = b.end - b.begin;
     std::array<double, kBlock> x;

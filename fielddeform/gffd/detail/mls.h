@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fielddeform/gffd/detail/local_motion.h>
+#include <fielddeform/gffd/detail/mls_kernel.h>
 #include <fielddeform/skeleton/frames.h>
 
 #include <vector>
@@ -16,6 +17,10 @@ class MlsPredictor {
   explicit MlsPredictor(const skeleton::SampledPair& samples);
   /// The motion near `point` (world).
   LocalMotion at(const Vec3& point) const;
+  /// The motions near a block of points: the same mathematics, to rounding; the two differ by some 1e-13 of displacement and
+  /// radius where the rotation is well determined. A point's motion does not depend on which points share its block.
+  /// @param count  1 to kLanes
+  void at(const Block& points, std::size_t count, MlsBlock& out) const;
 
  private:
   struct Sample {
@@ -23,13 +28,14 @@ class MlsPredictor {
     double mass, inverseRadius, scale;
     Mat3 rotation;
   };
-  struct Block {
+  struct Ball {  // of neighbouring samples
     Vec3 centre;
     double radius, inverseRadiusMax, inverseRadiusMin;
     Index begin, end;
   };
   std::vector<Sample> samples_;
-  std::vector<Block> blocks_;
+  std::vector<Ball> balls_;
+  std::vector<MlsTerm> terms_;  // the samples again, for blocks
 };
 
 }  // namespace fielddeform::gffd::detail

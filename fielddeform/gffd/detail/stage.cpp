@@ -8,7 +8,6 @@
 namespace fielddeform::gffd::detail {
 namespace {
 
-constexpr double kNear = 0.3;          // radii: nearer than this the closest frame takes over
 constexpr double kLongestStep = 0.5;   // radii
 constexpr double kRigidTolerance = 1e-12;
 
@@ -42,7 +41,7 @@ Stage::Stage(const Embedding& embedding, const skeleton::SkeletonPair& pair, con
     levelBoundsNearness_ = levelBoundsNearness_ && p.weight >= 1 &&
                            p.potential.value_or(options.field.potential) == skeleton::Potential::Exponential;
   samplePosed(pair.posed, around);
-  if (options.evaluation == Evaluation::Grid && !rigid_) makeGrid(embedding, pair.posed);
+  if (options.evaluation == Evaluation::Grid && !rigid_) makeGrid(embedding, pair, samples, part.rest);
 }
 
 void Stage::samplePosed(const skeleton::Skeleton& posed, Around* around) {
@@ -54,17 +53,22 @@ void Stage::samplePosed(const skeleton::Skeleton& posed, Around* around) {
   posed_ = std::make_shared<field::Field>(posed, options_.field, points);
 }
 
-void Stage::makeGrid(const Embedding& embedding, const skeleton::Skeleton& posed) {
+void Stage::makeGrid(const Embedding& embedding, const skeleton::SkeletonPair& pair, const skeleton::SampledPair& samples,
+                     const skeleton::Skeleton& rest) {
   const bool interpolates = options_.predictor == Predictor::Mls || options_.predictor == Predictor::Axial;
   if (!embedding.cells || !interpolates || options_.substeps != 1) return;
-  // At a node nothing is known of the field's value: the distance to the skeleton is always asked for.
-  constexpr double kUnknown = -1;
+  axialLines_ = AxialLines::of(rest, samples);
+  const auto displacements = [this](const Block& points, std::size_t count, Block& out) {
+    // At a node nothing is known of the field's value: the distance to the skeleton is always asked for.
+    double unknown[kLanes];
+    std::fill_n(unknown, count, -1.0);
+    displacementsAt(points, count, unknown, nullptr, out);
+  };
+  const auto nearness = [this](const Block& points, std::size_t count, double* out) { nearnessAt(points, count, out); };
   grid_ = std::make_unique<const DisplacementGrid>(
       *embedding.cells,
-      DisplacementGrid::Source{.displacement = [this](const Vec3& p) -> Vec3 { return motionAt(p, kUnknown).translation; },
-                               .nearness = [this](const Vec3& p) { return axial_->nearness(p); },
-                               .tolerance = tolerance_});
-  lines_ = LinesField::of(posed, options_.field, radius_);
+      DisplacementGrid::Source{.displacements = displacements, .nearness = nearness, .tolerance = tolerance_});
+  lines_ = LinesField::of(pair.posed, options_.field, radius_);
 }
 
 void Stage::findRigid(const skeleton::SampledPair& samples, const MovingPart& part, const skeleton::SkeletonPair& pair) {

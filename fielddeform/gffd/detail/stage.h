@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fielddeform/gffd/detail/axial.h>
+#include <fielddeform/gffd/detail/axial_lines.h>
 #include <fielddeform/gffd/detail/correction.h>
 #include <fielddeform/gffd/detail/correspondence.h>
 #include <fielddeform/gffd/detail/displacement_grid.h>
@@ -46,6 +47,14 @@ class Stage {
   /// The motion of space near a point, by the predictor.
   /// @param level  the point's D / R; saves a search where it alone tells that the skeleton is far
   LocalMotion motionAt(const Vec3& point, double level) const;
+  /// Displacements of a block of points, to rounding those of motionAt: by vector instructions where the skeleton allows,
+  /// and the same bytes with any of them and in any company. For stages with a grid.
+  /// @param level  the points' D / R, negative where it is not known
+  /// @param weight  what the falloff leaves each point, > 0; null: 1
+  /// @param out  may be `points`
+  void displacementsAt(const Block& points, std::size_t count, const double* level, const double* weight, Block& out) const;
+  /// min_i |d_i| / r_i of a block of points. For stages with a grid.
+  void nearnessAt(const Block& points, std::size_t count, double* out) const;
   Tracked track(const Vec3& rest, const Value& value) const;
   /// The prediction of a point whose falloff leaves it `weight`.
   Vec3 predict(const Vec3& rest, const Value& value, double weight) const;
@@ -76,14 +85,18 @@ class Stage {
   const std::optional<Rigid>& rigid() const noexcept { return rigid_; }
 
  private:
+  static constexpr double kNear = 0.3;  // radii: nearer than this the closest frame takes over from mls
+
   void samplePosed(const skeleton::Skeleton& posed, Around* around);
-  void makeGrid(const Embedding& embedding, const skeleton::Skeleton& posed);
+  void makeGrid(const Embedding& embedding, const skeleton::SkeletonPair& pair, const skeleton::SampledPair& samples,
+                const skeleton::Skeleton& rest);
   void findRigid(const skeleton::SampledPair& samples, const MovingPart& part, const skeleton::SkeletonPair& pair);
 
   Options options_;
   std::shared_ptr<const field::Field> posed_;
   std::optional<MlsPredictor> mls_;
   std::optional<AxialPredictor> axial_;
+  std::optional<AxialLines> axialLines_;
   std::optional<Rigid> rigid_;
   std::unique_ptr<const DisplacementGrid> grid_;
   std::optional<LinesField> lines_;

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <fielddeform/gffd/detail/line_walk.h>
+#include <fielddeform/skeleton/skeleton.h>
+
+#include <vector>
+
+namespace fielddeform::gffd::detail {
+
+/// The closest points of a polyline or of points, block by block. A point's foot does not depend on which points share its
+/// block: the distance is the least over all segments, found by walking along the line where that is certain to find it
+/// (below), and by trying every segment that can be the nearest elsewhere; of segments equally near the first counts.
+///
+/// f(s) = |P - line(s)|^2 / 2 has slope -(P - line) . t, which grows by the length of a segment along it and falls by at
+/// most |P - vertex| |t' - t| at a vertex. Where that fall is less than 0.9 lengths at both ends of every segment near the
+/// block, a foot farther from a segment's end than the fall has no other minimum beyond that end: the walk may stop.
+class LineFinder {
+ public:
+  struct Nearby {
+    Index begin = 0, end = 0;  ///< segments that can be nearest to a point of the block
+    Index start = 0;           ///< the nearest to its centre
+    double reach = 0;          ///< no point of the block is farther from a point of those segments
+    double least = 0;          ///< no point of the block is nearer to the line
+    bool certain = false;      ///< the walk finds the nearest
+  };
+
+  /// @param p  a polyline or points
+  explicit LineFinder(const skeleton::Primitive& p);
+  /// What a ball of points sees of the line.
+  Nearby nearby(const Vec3& centre, double radius) const;
+  /// Element: the segment, or the point, by its place on the line.
+  /// @param count  points of the block, 1 to kLanes; the places from there on are filled with the first's hit
+  void find(const Nearby& near, const Block& points, std::size_t count, LineHits& hits) const;
+  const std::vector<LineSegment>& segments() const noexcept { return segments_; }
+
+ private:
+  struct Group {
+    Vec3 centre;
+    double radius;
+    double turn;  // greatest |t' - t| / length
+    Index begin, end;
+  };
+  bool closed_ = false;
+  std::vector<LineSegment> segments_;
+  std::vector<Group> groups_;
+};
+
+/// The middle of a block's box and a radius of it around.
+/// @param count  at least 1
+void ballOf(const Block& points, std::size_t count, Vec3& centre, double& radius);
+
+}  // namespace fielddeform::gffd::detail
