@@ -176,6 +176,7 @@ class Runner {
   }
 
   volume::LocalReport passOver(std::vector<Vec3>& position) {
+    if (!edges_) edges_.emplace(mesh_);
     if (weight_.empty()) weight_ = method_->falloffWeights(mesh_);
     volume::LocalResult r = volume::preserveLocally(
         {.rest = mesh_, .posed = position, .weight = weight_, .mask = volumeMask_, .edges = &*edges_}, scene_.volume->options, progress_);
@@ -188,7 +189,6 @@ class Runner {
     VolumePassReport& pass = result_.report.volume.pass.emplace();
     pass.options = scene_.volume->options;
     const std::vector<Vec3> tracked = posed_.position;
-    edges_.emplace(mesh_);
     pass.result = passOver(posed_.position);
     pass.foldsBefore = mesh::countFolds(mesh_, mesh_.positions(), tracked);
     std::vector<float> residual = posed_.residual;
@@ -308,7 +308,7 @@ class Runner {
   std::vector<double> mask_, volumeMask_;  // #V or empty
   std::vector<double> weight_;        // the falloff's, once it was asked for
   Posed posed_;
-  std::optional<mesh::EdgeTable> edges_;              ///< from the volume pass to the report
+  std::optional<mesh::EdgeTable> edges_;              ///< of mesh_, while volume passes are on their way
   std::optional<std::size_t> foldsOfInput_;  ///< counted before resampling divides its edges
   render::Image picture_;
 };
