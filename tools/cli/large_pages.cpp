@@ -1,9 +1,9 @@
 // Large arrays on large pages, given out again. A mesh of a million vertices is a few hundred megabytes of arrays, most of them
 // short-lived; with the system's allocator a third of a run's time is the kernel clearing pages for arrays that take the place of
 // others just given back, and the processor looking pages up. The library leaves memory to its user; the program replaces
-// operator new: arrays of several megabytes lie on pages of 2 MB, and what is given back is kept for the next, as long as what is
-// kept and what is in use are together no more than was in use at some time. So nothing is ever taken that the run did not need
-// at once. (TBB's allocator keeps more: 384 bytes a vertex instead of 318.)
+// operator new: arrays of several megabytes lie on pages of 2 MB, and pages of arrays given back make up the next, wherever they
+// lie: the kernel moves them to one range of addresses without clearing them. So the program takes what it needs at once at most,
+// and never twice. (TBB's allocator keeps more than that: 384 bytes a vertex instead of 318.)
 #include <sys/mman.h>
 
 #include <algorithm>
@@ -16,7 +16,6 @@
 namespace {
 
 constexpr std::size_t kLargePage = std::size_t{2} << 20;
-constexpr std::size_t kAlwaysKept = 8 * kLargePage;
 
 struct Range {
   char* begin = nullptr;
@@ -57,11 +56,9 @@ class LargeArrays {
     const std::lock_guard lock(mutex_);
     if (used_.full()) return nullptr;
     char* memory = takeKept(size);
-    if (!memory) memory = map(size);
+    if (!memory) memory = compose(size);
     if (!memory) return nullptr;
     used_.insert({memory, size});
-    inUse_ += size;
-    most_ = std::max(most_, inUse_);
     return memory;
   }
 
@@ -73,7 +70,6 @@ class LargeArrays {
     if (r == used_.end() || r->begin != memory) return false;
     const Range range = *r;
     used_.erase(r);
-    inUse_ -= range.size;
     keep(range);
     return true;
   }
@@ -88,13 +84,11 @@ class LargeArrays {
     char* memory = best->begin;
     best->begin += size, best->size -= size;
     if (best->size == 0) kept_.erase(best);
-    keptSize_ -= size;
     return memory;
   }
 
   void keep(Range r) {
     Range* next = kept_.at(r.begin);
-    keptSize_ += r.size;
     if (next != kept_.begin() && (next - 1)->end() == r.begin) {
       (next - 1)->size += r.size;
       if (next != kept_.end() && (next - 1)->end() == next->begin) (next - 1)->size += next->size, kept_.erase(next);
@@ -103,37 +97,51 @@ class LargeArrays {
     } else if (!kept_.full()) {
       kept_.insert(r);
     } else {
-      keptSize_ -= r.size;
       ::munmap(r.begin, r.size);
     }
   }
 
-  char* map(std::size_t size) {
-    // Room for it below what was in use at most.
-    const std::size_t allowed = std::max(kAlwaysKept, most_ > inUse_ + size ? most_ - inUse_ - size : 0);
-    while (keptSize_ > allowed) {
-      Range& last = *(kept_.end() - 1);
-      const std::size_t cut = std::min(last.size, keptSize_ - allowed);
-      ::munmap(last.end() - cut, cut);
-      keptSize_ -= cut, last.size -= cut;
-      if (last.size == 0) kept_.erase(&last);
+  // A range of addresses with all pages that are kept, as far as it goes, and new ones.
+  char* compose(std::size_t size) {
+    char* begin = reserve(size);
+    if (!begin) return nullptr;
+    std::size_t filled = 0;
+    while (filled < size && moveLastKept(begin + filled)) filled += kLargePage;
+    if (filled == size) return begin;
+    if (::mmap(begin + filled, size - filled, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) == MAP_FAILED) {
+      ::munmap(begin, size);
+      return nullptr;
     }
-    void* memory = ::mmap(nullptr, size + kLargePage, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+#ifdef MADV_HUGEPAGE
+    (void)::madvise(begin + filled, size - filled, MADV_HUGEPAGE);
+#endif
+    return begin;
+  }
+
+  // Page by page: a range may have been composed, and the kernel moves no more than one piece at a time.
+  bool moveLastKept(char* to) {
+    if (kept_.begin() == kept_.end()) return false;
+    Range& last = *(kept_.end() - 1);
+    if (::mremap(last.end() - kLargePage, kLargePage, kLargePage, MREMAP_MAYMOVE | MREMAP_FIXED, to) == MAP_FAILED) return false;
+    last.size -= kLargePage;
+    if (last.size == 0) kept_.erase(&last);
+    return true;
+  }
+
+  // Addresses without memory.
+  static char* reserve(std::size_t size) {
+    void* memory = ::mmap(nullptr, size + kLargePage, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (memory == MAP_FAILED) return nullptr;
     char* begin = static_cast<char*>(memory);
     const std::size_t before = (kLargePage - reinterpret_cast<std::uintptr_t>(begin) % kLargePage) % kLargePage;
     if (before > 0) ::munmap(begin, before);
     begin += before;
     if (before < kLargePage) ::munmap(begin + size, kLargePage - before);
-#ifdef MADV_HUGEPAGE
-    (void)::madvise(begin, size, MADV_HUGEPAGE);
-#endif
     return begin;
   }
 
   std::mutex mutex_;
   Ranges used_, kept_;
-  std::size_t inUse_ = 0, keptSize_ = 0, most_ = 0;
 };
 
 constinit LargeArrays large;
