@@ -21,7 +21,7 @@ namespace {
 using detail::kBlock;
 
 constexpr std::size_t kFew = 4;         // fewer queries search one by one
-constexpr std::size_t kMostTests = 24;  // more elements: half the block
+constexpr std::size_t kMostTests = 320;  // more elements: half the block
 constexpr std::size_t kAlone = 16;      // queries that search one by one where even few of them have too many elements
 constexpr double kWithin = 0x1p400;     // tree's units: squares of squares stay in range
 constexpr double kRounding = 1e-9;      // of squared distances, far more than theirs
