@@ -42,7 +42,8 @@ class ClosestTree::Impl::Block {
       lanes_.x[i] = q[0];
       lanes_.y[i] = q[1];
       lanes_.z[i] = q[2];
-      if (!(q.cwiseAbs().maxCoeff() < kWithin)) return false;
+      for (int k = 0; k < 3; ++k)  // one by one: a maximum may leave a NaN out
+        if (!(std::abs(q[k]) < kWithin)) return false;
       low = low.cwiseMin(q);
       high = high.cwiseMax(q);
     }
