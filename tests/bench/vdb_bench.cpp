@@ -111,9 +111,10 @@ void sampleOurs(const char* what, const field::Field& field, const std::vector<V
 }  // namespace
 
 int main(int argc, char** argv) {
-  int rows = 500, resolution = 256, threads = 1;
-  double band = 10;
-  std::size_t count = 1000000;
+  const bool quick = std::getenv("FIELDDEFORM_BENCH_QUICK") != nullptr;
+  int rows = quick ? 40 : 500, resolution = quick ? 48 : 256, threads = 1;
+  double band = quick ? 4 : 10;
+  std::size_t count = quick ? 10000 : 1000000;
   for (int i = 1; i + 1 < argc; i += 2) {
     if (std::strcmp(argv[i], "--rows") == 0) rows = std::atoi(argv[i + 1]);
     if (std::strcmp(argv[i], "--resolution") == 0) resolution = std::atoi(argv[i + 1]);
