@@ -1,4 +1,5 @@
 #include <fielddeform/core/atomic_file.h>
+#include <fielddeform/core/detail/json_fields.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
 #include <fielddeform/core/json_writer.h>
@@ -13,24 +14,12 @@
 namespace fielddeform::map {
 namespace {
 
+using fielddeform::detail::checked;
+using fielddeform::detail::given;
+
 constexpr std::string_view kFormatName = "fielddeform-extended-lattice";
 constexpr std::size_t kMostMade = 4096;  // cells that a file asks for without listing them: bounds memory
 constexpr double kKink = 1e-9;           // of the size: what pinned moves may leave of a joint
-
-std::optional<JsonValue> given(const JsonValue& object, std::string_view key) {
-  const auto value = object.find(key);
-  return value && !value->isNull() ? value : std::nullopt;
-}
-
-// Calls make(), and refuses the value for what it does not like.
-template <class Make>
-auto checked(const JsonValue& value, const char* expected, Make&& make) {
-  try {
-    return make();
-  } catch (const std::invalid_argument& problem) {
-    value.fail(problem.what(), expected);
-  }
-}
 
 // A part of a lattice as it stands in a file, and how its nodes are counted: along three axes if it was made by a rule.
 struct Part {

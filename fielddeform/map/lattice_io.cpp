@@ -1,4 +1,5 @@
 #include <fielddeform/core/atomic_file.h>
+#include <fielddeform/core/detail/json_fields.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
 #include <fielddeform/core/json_writer.h>
@@ -12,23 +13,11 @@
 namespace fielddeform::map {
 namespace {
 
+using fielddeform::detail::checked;
+using fielddeform::detail::given;
+
 constexpr std::string_view kFormatName = "fielddeform-lattice";
 constexpr std::size_t kUnlisted = std::size_t{1} << 22;  // nodes of a lattice whose file does not list them: bounds memory
-
-std::optional<JsonValue> given(const JsonValue& object, std::string_view key) {
-  const auto value = object.find(key);
-  return value && !value->isNull() ? value : std::nullopt;
-}
-
-// Calls make(), and refuses the value for what it does not like.
-template <class Make>
-auto checked(const JsonValue& value, const char* expected, Make&& make) {
-  try {
-    return make();
-  } catch (const std::invalid_argument& problem) {
-    value.fail(problem.what(), expected);
-  }
-}
 
 AxisBasis axisFromJson(const JsonValue& object) {
   object.allowKeys({"basis", "nodes", "degree", "border", "knots", "at"});

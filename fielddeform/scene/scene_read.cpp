@@ -1,4 +1,5 @@
 #include <fielddeform/core/angle.h>
+#include <fielddeform/core/detail/json_fields.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
 #include <fielddeform/map/extended_lattice_io.h>
@@ -14,15 +15,11 @@
 namespace fielddeform::scene {
 namespace {
 
+using fielddeform::detail::given;
+
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kMaxAxisNodes = 65536;
-
-// The member if it is there and not null: null says "the default" throughout.
-std::optional<JsonValue> given(const JsonValue& object, std::string_view key) {
-  const auto value = object.find(key);
-  return value && !value->isNull() ? value : std::nullopt;
-}
 
 fs::path readPath(const JsonValue& value, const fs::path& folder) {
   const std::string text = value.string();

@@ -1,3 +1,4 @@
+#include <fielddeform/core/detail/json_fields.h>
 #include <fielddeform/scene/detail/volume_pass.h>
 
 #include <cmath>
@@ -5,12 +6,9 @@
 namespace fielddeform::scene::detail {
 namespace {
 
-namespace fs = std::filesystem;
+using fielddeform::detail::given;
 
-std::optional<JsonValue> given(const JsonValue& object, std::string_view key) {
-  const auto value = object.find(key);
-  return value && !value->isNull() ? value : std::nullopt;
-}
+namespace fs = std::filesystem;
 
 void readMaskChoice(const JsonValue& value, const fs::path& folder, VolumePass& pass) {
   if (value.kind() == JsonKind::String) {

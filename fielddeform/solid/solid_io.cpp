@@ -1,4 +1,5 @@
 #include <fielddeform/core/atomic_file.h>
+#include <fielddeform/core/detail/json_fields.h>
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/json_reader.h>
 #include <fielddeform/core/json_writer.h>
@@ -13,17 +14,9 @@
 namespace fielddeform::solid {
 namespace {
 
-constexpr std::string_view kFormatName = "fielddeform-solids";
+using fielddeform::detail::checked;
 
-/// Calls make(), and refuses the value for what it does not like.
-template <class Make>
-auto checked(const JsonValue& value, const char* expected, Make&& make) {
-  try {
-    return make();
-  } catch (const std::invalid_argument& problem) {
-    value.fail(problem.what(), expected);
-  }
-}
+constexpr std::string_view kFormatName = "fielddeform-solids";
 
 std::array<int, 3> integers(const JsonValue& value, std::uint64_t low, std::uint64_t high) {
   std::array<int, 3> out{};

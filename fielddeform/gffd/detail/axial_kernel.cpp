@@ -169,23 +169,9 @@ FIELDDEFORM_SIMD_INLINE void finishKernel(const FinishTask& task) {
   }
 }
 
-#define FIELDDEFORM_LEVELS(name, Task, kernel)                                               \
-  void name##Baseline(const Task& task) { kernel<BaselineLanes>(task); }                     \
-  FIELDDEFORM_SIMD_AVX2 void name##Avx2(const Task& task) { kernel<Avx2Lanes>(task); }       \
-  FIELDDEFORM_SIMD_AVX512 void name##Avx512(const Task& task) { kernel<Avx512Lanes>(task); } \
-  void name(const Task& task) {                                                              \
-    switch (simdLevel()) {                                                                   \
-      case SimdLevel::Avx512: return name##Avx512(task);                                     \
-      case SimdLevel::Avx2: return name##Avx2(task);                                         \
-      case SimdLevel::Baseline: return name##Baseline(task);                                 \
-    }                                                                                        \
-  }
-
 FIELDDEFORM_LEVELS(runOne, OneTask, oneKernel)
 FIELDDEFORM_LEVELS(runAdd, AddTask, addKernel)
 FIELDDEFORM_LEVELS(runFinish, FinishTask, finishKernel)
-
-#undef FIELDDEFORM_LEVELS
 
 }  // namespace
 

@@ -13,11 +13,11 @@ struct Skeletons {
   bool radiusWasAutomatic = false;    ///< here already, by the fit or for an edit that scales radii
 };
 
-/// Reads or fits the rest skeleton, reads or edits the posed one, pairs and mirrors them.
-/// @throw IoError, std::invalid_argument
 /// Automatic radius over the greatest distance from the mesh to the skeleton, by the method.
 double automaticRadiusFactor(const Scene& scene) noexcept;
 
+/// Reads or fits the rest skeleton, reads or edits the posed one, pairs and mirrors them.
+/// @throw IoError, std::invalid_argument
 Skeletons prepareSkeletons(const Scene& scene, const mesh::Mesh& mesh);
 
 /// The pair at time t: 0 is rest, 1 is posed, both bit for bit.
