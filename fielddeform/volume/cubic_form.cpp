@@ -15,40 +15,27 @@ constexpr std::size_t kMaxNodes = 400;   // 64 million numbers, 500 MB: far beyo
 constexpr std::size_t kBlock = 32;       // owners of one matrix product: their products stay in the nearest caches
 constexpr std::size_t kChunk = 32 * kBlock;
 
+void checkNodes(std::size_t nodes) {
+  if (nodes < 3 || nodes > kMaxNodes) throw std::invalid_argument(fmt::format("nodes is {}, expected 3 to {}", nodes, kMaxNodes));
+}
+
 /// Place of the pair (i, j), i < j, among the pairs in lexicographic order.
 std::size_t pairIndex(std::size_t n, std::size_t i, std::size_t j) { return i * (2 * n - i - 1) / 2 + (j - i - 1); }
 
 /// Adds the owners begin .. end of a plan to sums(i, jk) = sum_v basis(v, i) (sum b ^ c)_jk, stride by width.
-void addOwners(const detail::WedgeLayout& layout, const detail::WedgePlan& plan, const double* basis, std::size_t stride, std::size_t begin,
-               std::size_t end, std::vector<double>& sums) {
-  const auto n = static_cast<std::ptrdiff_t>(layout.n);
-  std::vector<double> rows, u, v, products(kBlock * layout.width);
-  std::vector<std::size_t> start;
+void addOwners(const detail::WedgeLayout& layout, const detail::WedgePlan& plan, const double* rows, std::size_t begin, std::size_t end, std::vector<double>& sums) {
+  std::vector<double> products(kBlock * layout.width);
   for (std::size_t first = begin; first < end; first += kBlock) {
-    const std::size_t last = std::min(end, first + kBlock), base = plan.start[first], count = plan.start[last] - base;
-    rows.assign((last - first) * layout.stride, 0.0), u.assign(count * layout.stride, 0.0), v.assign(count * layout.stride, 0.0);
-    start.clear();
-    for (std::size_t o = first; o < last; ++o) {
-      std::copy_n(basis + plan.owner[o] * stride, n, rows.data() + (o - first) * layout.stride);
-      start.push_back(plan.start[o] - base);
-    }
-    start.push_back(count);
-    for (std::size_t m = 0; m < count; ++m) {
-      const auto& p = plan.product[base + m];
-      const double *a = basis + p.first * stride, *b = p.minus == kNoIndex ? nullptr : basis + p.minus * stride;
-      double* to = u.data() + m * layout.stride;
-      for (std::size_t i = 0; i < layout.n; ++i) to[i] = b ? a[i] - b[i] : a[i];
-      std::copy_n(basis + p.second * stride, n, v.data() + m * layout.stride);
-    }
-    detail::wedgeRows(layout, u.data(), v.data(), start.data(), last - first, products.data());
-    detail::addOuter(layout, rows.data(), products.data(), last - first, sums.data());
+    const std::size_t last = std::min(end, first + kBlock);
+    detail::wedgeRows(layout, plan, rows, first, last, products.data());
+    detail::addOuter(layout, rows, plan.owner.data() + first, products.data(), last - first, sums.data());
   }
 }
 
 }  // namespace
 
 CubicForm::CubicForm(std::size_t nodes, const std::vector<double>& unique) : nodes_(nodes), stride_(detail::padded(nodes)) {
-  if (nodes < 3 || nodes > kMaxNodes) throw std::invalid_argument(fmt::format("nodes is {}, expected 3 to {}", nodes, kMaxNodes));
+  checkNodes(nodes);
   if (unique.size() != nodes * (nodes - 1) * (nodes - 2) / 6)
     throw std::invalid_argument(fmt::format("{} coefficients for {} nodes", unique.size(), nodes));
   rows_.assign(nodes * (nodes - 1) / 2 * stride_, 0.0);
@@ -67,17 +54,21 @@ CubicForm CubicForm::ofMesh(const Eigen::Ref<const RowMatrix>& basis, std::span<
   const auto vertices = static_cast<std::size_t>(basis.rows());
   for (const Index v : triangles)
     if (v >= vertices) throw std::invalid_argument(fmt::format("triangles: vertex {} of {}", v, vertices));
-  return ofPlan(detail::WedgePlan(vertices, triangles), basis.data(), static_cast<std::size_t>(basis.cols()), static_cast<std::size_t>(basis.outerStride()));
+  const auto nodes = static_cast<std::size_t>(basis.cols());
+  checkNodes(nodes);
+  RowMatrix rows = RowMatrix::Zero(basis.rows(), static_cast<Eigen::Index>(detail::padded(nodes)));
+  rows.leftCols(basis.cols()) = basis;
+  return ofPlan(detail::WedgePlan(vertices, triangles), rows.data(), nodes);
 }
 
-CubicForm CubicForm::ofPlan(const detail::WedgePlan& plan, const double* basis, std::size_t n, std::size_t stride) {
-  if (n < 3 || n > kMaxNodes) throw std::invalid_argument(fmt::format("nodes is {}, expected 3 to {}", n, kMaxNodes));
+CubicForm CubicForm::ofPlan(const detail::WedgePlan& plan, const double* rows, std::size_t n) {
+  checkNodes(n);
   const detail::WedgeLayout layout(n);
   std::vector<double> sum = deterministicReduce(
       plan.owner.size(), kChunk, std::vector<double>(),
       [&](std::size_t begin, std::size_t end) {
         std::vector<double> part(layout.stride * layout.width, 0.0);
-        addOwners(layout, plan, basis, stride, begin, end, part);
+        addOwners(layout, plan, rows, begin, end, part);
         return part;
       },
       [](std::vector<double> a, const std::vector<double>& b) {
@@ -117,7 +108,7 @@ void CubicForm::contract(Points x, std::vector<Vec3>& s) const {
     for (std::size_t c = 0; c < 3; ++c) columns[c * stride_ + i] = x[i][static_cast<Eigen::Index>(c)];
   const std::size_t pairs = nodes_ * (nodes_ - 1) / 2;
   s.resize(pairs);
-  detail::dot3Rows(rows_.data(), stride_, pairs, columns.data(), s.data());
+  detail::dot3Rows(rows_.data(), stride_, pairs, columns.data(), nullptr, s.data());
 }
 
 double CubicForm::value(Points x) const {

@@ -28,8 +28,8 @@ class CubicForm {
   static CubicForm ofMesh(const Eigen::Ref<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>& basis,
                           std::span<const Index> triangles);
 
-  /// The same in an order of summation made before. @param basis  rows of `stride` numbers, the first `nodes` of each count
-  static CubicForm ofPlan(const detail::WedgePlan& plan, const double* basis, std::size_t nodes, std::size_t stride);
+  /// The same in an order of summation made before. @param rows  the basis, each row padded with zeros to a multiple of 4 numbers
+  static CubicForm ofPlan(const detail::WedgePlan& plan, const double* rows, std::size_t nodes);
 
   std::size_t nodes() const noexcept { return nodes_; }
   double coefficient(std::size_t i, std::size_t j, std::size_t k) const;  ///< C_ijk in any order

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 
 namespace fielddeform::volume::detail {
@@ -27,15 +28,19 @@ double seconds(std::chrono::steady_clock::time_point since) {
 
 }  // namespace
 
-double volumeError(const Prepared::Impl& impl, std::size_t level, Points d) {
+double volumeError(const Prepared::Impl& impl, std::size_t level, Points d, std::span<const double> volumes) {
   if (level == 0 || level >= impl.levels.size()) return std::numeric_limits<double>::quiet_NaN();
   double share[2] = {}, triangles[2] = {};
   std::vector<Vec3> x;
   for (std::size_t k = 0; k < 2; ++k) {
     const auto& model = impl.levels[level - 1 + k];
-    model.positions(d, x);
-    double posed = 0, base = 0;
-    for (std::size_t r = 0; r < impl.baseVolume[level].size(); ++r) posed += model.volume().value(x, r), base += impl.baseVolume[level - 1 + k][r];
+    double posed = std::accumulate(volumes.begin(), volumes.end(), 0.0), base = 0;
+    if (k == 0 || volumes.empty()) {
+      model.positions(d, x);
+      posed = 0;
+      for (std::size_t r = 0; r < impl.baseVolume[level].size(); ++r) posed += model.volume().value(x, r);
+    }
+    for (const double v : impl.baseVolume[level - 1 + k]) base += v;
     share[k] = posed / base;
     triangles[k] = static_cast<double>(model.triangles());
   }
@@ -109,7 +114,8 @@ class Levels {
     solved_.iterations += report.steps;
     solved_.converged = report.converged;
     solved_.optimality = report.gradient;
-    if (solved_.levels.empty() || !report.converged || !(row_.change < o_.levelChange)) return false;
+    const bool last = level + 1 == impl_.levels.size();
+    if (last || solved_.levels.empty() || !report.converged || !(row_.change < o_.levelChange)) return false;
     core_.displacements(state_.x, d_);
     return volumeError(impl_, level, d_) <= o_.tolerance;
   }

@@ -142,7 +142,7 @@ Result preserve(const Prepared& prepared, const Options& options, Progress& prog
   report.errorEstimate = std::numeric_limits<double>::quiet_NaN();
   if (options.solver == Solver::AugmentedLagrangian && !report.levels.empty()) {  // the level it ended at
     const std::size_t end = options.augmentedLagrangian.multiLevel ? report.levels.size() - 1 : last;
-    report.errorEstimate = detail::volumeError(impl, end, result.displacements);
+    report.errorEstimate = detail::volumeError(impl, end, result.displacements, end == last ? after : std::vector<double>());
   }
   judge(solved, c, impl.extent, report);
   return result;

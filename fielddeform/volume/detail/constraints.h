@@ -42,7 +42,7 @@ class MeshConstraints final : public NodeConstraints {
  public:
   MeshConstraints(const MeshModel& model, std::vector<VolumeTarget> volumes, std::vector<MomentTarget> moments, double size);
   Eigen::Index count() const override { return count_; }
-  void retarget(std::vector<VolumeTarget> volumes) override { volumes_ = std::move(volumes), known_ = false; }
+  void retarget(std::vector<VolumeTarget> volumes) override { volumes_ = std::move(volumes), known_ = gradientKnown_ = false; }
   void values(Points d, Vector& c) override;
   void derivatives(Points d, Vector& c, Matrix& jacobian) override;
   void weightedGradient(Points d, const std::function<Vector(const Vector& c)>& weights, Vector& c, std::span<Vec3> out) override;
@@ -63,6 +63,8 @@ class MeshConstraints final : public NodeConstraints {
 
  private:
   void column(std::size_t region, Points g, Matrix& jacobian, Eigen::Index k) const;
+  /// The one volume and its gradient over the nodes (gradient_), both kept for the d they were asked for.
+  void singleGradient(Points d, Vector& c);
 
   const MeshModel& model_;
   std::vector<VolumeTarget> volumes_;
@@ -73,7 +75,9 @@ class MeshConstraints final : public NodeConstraints {
   std::vector<Vec3> at_;  ///< the d of x_
   Vector c_, multiplier_;
   std::vector<double> volume_;  ///< of c_'s first entries, cubic units
-  bool known_ = false;    ///< c_ is that of at_
+  std::vector<Vec3> gradient_;  ///< of the single volume, cubic units
+  bool known_ = false;          ///< c_ is that of at_
+  bool gradientKnown_ = false;  ///< gradient_ too
 };
 
 /// Volumes by cubic forms, one a target; without moments.

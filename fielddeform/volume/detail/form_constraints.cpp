@@ -1,4 +1,5 @@
 #include <fielddeform/volume/detail/constraints.h>
+#include <fielddeform/volume/detail/lanes.h>
 
 #include <numeric>
 
@@ -26,19 +27,20 @@ bool reproduces(const MeshModel& model, Points restNodes) {
   return true;
 }
 
-/// Rows of a region's vertices: some nodes' columns, then (where there is a base) its three coordinates about the centre.
+/// Rows of a region's vertices: some nodes' columns, then (where there is a base) its three coordinates about the centre, padded.
 RowMatrix rowsOf(const MeshModel& model, std::size_t region, std::span<const Index> nodes, Points base) {
   const auto own = model.volume().vertices(region);
   const Vec3& centre = model.volume().centre(region);
   const RowMatrix& basis = *model.basis();
-  const std::size_t n = nodes.size(), width = n + (base.empty() ? 0 : 3);
-  RowMatrix rows(static_cast<Eigen::Index>(own.size()), static_cast<Eigen::Index>(width));
+  const std::size_t n = nodes.size(), width = n + (base.empty() ? 0 : 3), wide = padded(width);
+  RowMatrix rows(static_cast<Eigen::Index>(own.size()), static_cast<Eigen::Index>(wide));
   const auto stride = static_cast<std::size_t>(basis.cols());
   for (std::size_t k = 0; k < own.size(); ++k) {
     const double* from = basis.data() + own[k] * stride;
-    double* to = rows.data() + k * width;
+    double* to = rows.data() + k * wide;
     for (std::size_t i = 0; i < n; ++i) to[i] = from[nodes[i]];
     for (std::size_t c = 0; c < width - n; ++c) to[n + c] = base[own[k]][static_cast<Eigen::Index>(c)] - centre[static_cast<Eigen::Index>(c)];
+    for (std::size_t i = width; i < wide; ++i) to[i] = 0;
   }
   return rows;
 }
@@ -48,8 +50,7 @@ FormConstraints::Form formOf(const MeshModel& model, std::size_t region, std::sp
   const RowMatrix rows = rowsOf(model, region, nodes, base);
   std::vector<Index> node(nodes.begin(), nodes.end());
   for (int c = 0; c < 3 && !base.empty(); ++c) rest.push_back(Vec3::Unit(c)), node.push_back(kNoIndex);
-  return {CubicForm::ofPlan(model.plan(region), rows.data(), static_cast<std::size_t>(rows.cols()), static_cast<std::size_t>(rows.cols())), std::move(rest),
-          std::move(node)};
+  return {CubicForm::ofPlan(model.plan(region), rows.data(), node.size()), std::move(rest), std::move(node)};
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fielddeform/core/types.h>
+#include <fielddeform/volume/detail/wedge_plan.h>
 
 #include <cstddef>
 #include <vector>
@@ -12,10 +13,10 @@ namespace fielddeform::volume::detail {
 inline constexpr std::size_t kLanes = 4;
 inline std::size_t padded(std::size_t n) { return (n + kLanes - 1) / kLanes * kLanes; }
 
-/// out_r = row r times (x, y, z).
+/// out_r = base_r + row r times (x, y, z).
 /// @param rows     #R by stride, stride a multiple of kLanes
-/// @param columns  x, y, z, stride numbers each
-void dot3Rows(const double* rows, std::size_t stride, std::size_t count, const double* columns, Vec3* out);
+/// @param columns  x, y, z, stride numbers each    @param base #R, or null: without
+void dot3Rows(const double* rows, std::size_t stride, std::size_t count, const double* columns, const Vec3* base, Vec3* out);
 
 /// sums += row r of `rows` times g_r, coordinate by coordinate, in the order of r.
 /// @param index  row of each r, or null: r itself    @param sums  x, y, z, stride numbers each
@@ -32,12 +33,12 @@ struct WedgeLayout {
   std::vector<std::size_t> offset;   ///< n - 1
 };
 
-/// out_r = sum_m u_m ^ v_m over the m of r, in their order.
-/// @param u, v    stride numbers each, padded with zeros    @param start  #R + 1: the m of each r    @param out #R by width
-void wedgeRows(const WedgeLayout& layout, const double* u, const double* v, const std::size_t* start, std::size_t count, double* out);
+/// out_r = sum_m (first_m - minus_m) ^ second_m over the products m of owner r, in their order.
+/// @param rows  #V by layout.stride, padded with zeros    @param out (end - begin) by width, for the owners begin .. end
+void wedgeRows(const WedgeLayout& layout, const WedgePlan& plan, const double* rows, std::size_t begin, std::size_t end, double* out);
 
-/// sums += rows^T products: sums(i, p) += sum_r rows(r, i) products(r, p), in the order of r.
-/// @param rows #R by stride    @param products #R by width    @param sums stride by width
-void addOuter(const WedgeLayout& layout, const double* rows, const double* products, std::size_t count, double* sums);
+/// sums += rows^T products: sums(i, p) += sum_r rows(owner r, i) products(r, p), in the order of r.
+/// @param owner #R row numbers    @param products #R by width    @param sums stride by width
+void addOuter(const WedgeLayout& layout, const double* rows, const Index* owner, const double* products, std::size_t count, double* sums);
 
 }  // namespace fielddeform::volume::detail

@@ -70,7 +70,7 @@ const std::vector<Vec3>& MeshConstraints::positions(Points d) {
   if (x_.empty() || !std::equal(d.begin(), d.end(), at_.begin(), at_.end())) {
     model_.positions(d, x_);
     at_.assign(d.begin(), d.end());
-    known_ = false;
+    known_ = gradientKnown_ = false;
   }
   return x_;
 }
@@ -114,10 +114,29 @@ void MeshConstraints::column(std::size_t region, Points g, Matrix& jacobian, Eig
   model_.gatherRegion(g, region, {reinterpret_cast<Vec3*>(jacobian.col(k).data()), model_.nodes()});
 }
 
+void MeshConstraints::singleGradient(Points d, Vector& c) {
+  positions(d);
+  const VolumeTarget& v = volumes_[0];
+  if (!gradientKnown_) {
+    ++evaluations;
+    g_.resize(model_.volume().vertices(v.region).size());
+    volume_[0] = model_.volume().valueAndGradient(x_, v.region, g_, scratch_);
+    gradient_.resize(model_.nodes());
+    model_.gatherRegion(g_, v.region, gradient_);
+  }
+  c = Vector::Constant(1, (volume_[0] - v.target) / v.scale);
+  c_ = c, known_ = gradientKnown_ = true;
+}
+
 void MeshConstraints::derivatives(Points d, Vector& c, Matrix& jacobian) {
+  jacobian.resize(static_cast<Eigen::Index>(3 * model_.nodes()), count_);
+  if (single()) {
+    singleGradient(d, c);
+    for (std::size_t i = 0; i < gradient_.size(); ++i) jacobian.col(0).segment<3>(3 * static_cast<Eigen::Index>(i)) = gradient_[i] / volumes_[0].scale;
+    return;
+  }
   ++evaluations;
   c.resize(count_);
-  jacobian.resize(static_cast<Eigen::Index>(3 * model_.nodes()), count_);
   positions(d);
   const SurfaceVolume& surface = model_.volume();
   Eigen::Index k = 0;
@@ -148,17 +167,13 @@ void MeshConstraints::weightedGradient(Points d, const std::function<Vector(cons
     model_.gatherRegion(g_, region, nodes_);
     for (std::size_t i = 0; i < out.size(); ++i) out[i] += factor * nodes_[i];
   };
-  for (Vec3& g : out) g.setZero();
-  if (volumes_.size() == 1 && moments_.empty()) {  // value and gradient in one pass
-    ++evaluations;
-    const VolumeTarget& v = volumes_[0];
-    positions(d);
-    g_.resize(surface.vertices(v.region).size());
-    volume_[0] = surface.valueAndGradient(x_, v.region, g_, scratch_);
-    c = Vector::Constant(1, (volume_[0] - v.target) / v.scale);
-    c_ = c, known_ = true;
-    return add(v.region, weights(c)[0] / v.scale);
+  if (single()) {
+    singleGradient(d, c);
+    const double factor = weights(c)[0] / volumes_[0].scale;
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = factor * gradient_[i];
+    return;
   }
+  for (Vec3& g : out) g.setZero();
   values(d, c);
   const Vector w = weights(c);
   Eigen::Index k = 0;

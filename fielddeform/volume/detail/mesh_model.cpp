@@ -70,7 +70,9 @@ const WedgePlan& MeshModel::plan(std::size_t region) const {
 }
 
 void MeshModel::positions(Points d, std::vector<Vec3>& x) const {
-  combine(d, x);
+  x.resize(base_.size());
+  if (basis_) return combineRows(d, base_.data(), x);
+  map_->combine(*binding_, d, x);
   parallelFor(x.size(), kGrain * 8, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) x[v] = base_[v] + x[v];
   });
@@ -79,10 +81,14 @@ void MeshModel::positions(Points d, std::vector<Vec3>& x) const {
 void MeshModel::combine(Points p, std::vector<Vec3>& out) const {
   out.resize(base_.size());
   if (!basis_) return map_->combine(*binding_, p, out);
+  combineRows(p, nullptr, out);
+}
+
+void MeshModel::combineRows(Points p, const Vec3* base, std::vector<Vec3>& out) const {
   const auto stride = static_cast<std::size_t>(basis_->cols());
   const std::vector<double> column = columns(p, stride);
   parallelFor(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    dot3Rows(basis_->data() + begin * stride, stride, end - begin, column.data(), out.data() + begin);
+    dot3Rows(basis_->data() + begin * stride, stride, end - begin, column.data(), base ? base + begin : nullptr, out.data() + begin);
   });
 }
 

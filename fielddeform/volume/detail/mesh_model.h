@@ -40,6 +40,7 @@ class MeshModel {
   void gatherRegion(Points g, std::size_t region, std::span<Vec3> out) const;
 
  private:
+  void combineRows(Points p, const Vec3* base, std::vector<Vec3>& out) const;
   void gatherRows(std::size_t count, const Index* vertex, Points g, std::span<Vec3> out) const;
 
   const map::LinearMap* map_ = nullptr;

@@ -44,7 +44,8 @@ Solved solveAugmentedLagrangian(const Prepared::Impl& impl, const Core& core, Me
 
 /// |C / N|: how far a level's share of its volume at d is from that of infinitely many triangles, by the level before;
 /// NaN for the first. [Hirota et al. 1999, section 4.2]
-double volumeError(const Prepared::Impl& impl, std::size_t level, Points d);
+/// @param volumes  of the level's regions at d if they are known, else empty
+double volumeError(const Prepared::Impl& impl, std::size_t level, Points d, std::span<const double> volumes = {});
 
 /// Moves x onto the constraints of the finest mesh: along dV of the free nodes to the nearest root of the cubic where there is
 /// one volume and nothing else, else by Newton steps of least length.
