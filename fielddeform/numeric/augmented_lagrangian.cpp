@@ -41,6 +41,7 @@ AugmentedLagrangianReport augmentedLagrangian(ConstrainedProblem& problem, Augme
     else report.value = value;
     report.constraint = largest(c);
     report.converged = report.constraint <= options.tolerance;
+    if (report.converged) state.multiplier += state.penalty * c;  // the gradient's own, for whoever goes on from here
     if (report.converged || report.steps >= options.minimize.maxSteps || !std::isfinite(report.constraint)) break;
     if (report.constraint > 0.5 * before && state.penalty < options.largestPenalty) {
       state.penalty = std::min(2 * state.penalty, options.largestPenalty);
