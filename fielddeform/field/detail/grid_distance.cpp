@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -13,6 +14,8 @@
 
 namespace fielddeform::field::detail {
 namespace {
+
+constexpr std::size_t kTogether = 64;  // points that share a search: a cube of 4^3
 
 // The distance to points, lines and planes has second derivatives of at most 1 / d across two directions, and trilinear
 // interpolation errs by at most h^2 / 8 times their sum.
@@ -36,6 +39,7 @@ class GridDistance final : public DistanceSource {
     // In units of the samples: with a radius per point they are larger than the distance by up to this.
     const double excess = radius_ / least, near = std::max(kGridNear * least, kGridNearVoxels * lattice_.voxel);
     near_ = near * excess;
+    reach_ = radius_ + kGridBorder * lattice_.voxel;
     lattice_.origin = distance.bounds().center();
     const std::string what = fmt::format("the distance grid of \"{}\"", name);
     const std::vector<Cell> corners = cover(around, budget.forBlocks(what));
@@ -56,7 +60,8 @@ class GridDistance final : public DistanceSource {
 
   std::optional<Relative> at(const Vec3& point) const override {
     Relative sampled;
-    if (!grid_->sample(point, sampling_, sampled.value, sampled.gradient)) return std::nullopt;
+    bool within = true;
+    if (!grid_->sample(point, sampling_, sampled.value, sampled.gradient, &within) || !within) return std::nullopt;
     const double d = std::abs(sampled.value);  // about the distance: at most, with a radius per point
     sampled.value /= radius_;
     sampled.gradient /= radius_;
@@ -78,44 +83,35 @@ class GridDistance final : public DistanceSource {
   }
 
   std::vector<Cell> cover(Points around, const BlockBudget& budget) const {
-    const double reach = radius_ + kGridBorder * lattice_.voxel;
     Box box = distance_.bounds();
-    box.min().array() -= reach;
-    box.max().array() += reach;
-    const auto reaches = [&](const Vec3& centre, double radius) {
-      // Deep inside a solid the exact distance does.
-      const auto hit = distance_.closest(centre);
-      return hit && std::abs(hit->distance) <= reach + radius;
-    };
+    box.min().array() -= reach_;
+    box.max().array() += reach_;
+    // Deep inside a solid the exact distance does.
+    const auto reaches = [&](const Vec3& centre, double radius) { return distance_.reaches(centre, reach_ + radius); };
     return around.empty() ? coverBlocks(lattice_, box, budget, reaches)
                           : coverPoints(lattice_, around, kGridMargin, budget, reaches);
   }
 
   void fill(const std::vector<Cell>& corners) {
-    parallelFor(corners.size(), 4, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t b = begin; b < end; ++b) fillBlock(corners[b], grid_->values(b));
+    parallelFor(corners.size(), 16, [&](std::size_t begin, std::size_t end) {
+      spatial::ClosestTree::BlockHint hint;
+      for (std::size_t b = begin; b < end; ++b) fillBlock(b, corners[b], hint);
     });
   }
 
-  void fillBlock(const Cell& corner, float* out) const {
-    ClosestHint hint;
-    Vec3 last = Vec3::Zero();
-    double depth = 0;  // of the last point: within it no surface is crossed
-    bool inside = false;
-    for (std::size_t j = 0; j < kBlockSize; ++j) {
-      const Vec3 p = lattice_.point(pointOf(corner, j));
-      hint.inside.reset();
-      if (distance_.isWatertight() && (p - last).norm() < 0.999 * depth) hint.inside = inside;
-      const auto hit = distance_.closest(p, std::numeric_limits<double>::infinity(), hint);
-      if (!hit) {  // coordinates beyond the doubles
-        out[j] = std::numeric_limits<float>::max();
-        continue;
+  // Voxels out of reach are switched off: the exact distance answers there, and need not be found here.
+  void fillBlock(std::size_t block, const Cell& corner, spatial::ClosestTree::BlockHint& hint) {
+    std::array<Vec3, kTogether> points;
+    std::array<PrimitiveHit, kTogether> hits;
+    float* out = grid_->values(block);
+    for (std::size_t begin = 0; begin < kBlockSize; begin += kTogether) {
+      for (std::size_t i = 0; i < kTogether; ++i) points[i] = lattice_.point(pointOf(corner, nearOrder(begin + i)));
+      distance_.closestWithin(points, reach_, hits, hint);
+      for (std::size_t i = 0; i < kTogether; ++i) {
+        const std::size_t j = nearOrder(begin + i);
+        if (hits[i].element == kNoIndex) grid_->switchOff(block, j);
+        else out[j] = static_cast<float>(hits[i].distance / distance_.radiusAt(hits[i]) * radius_);
       }
-      out[j] = static_cast<float>(hit->distance / distance_.radiusAt(*hit) * radius_);
-      hint.element = hit->element;
-      inside = hit->distance < 0;
-      depth = std::abs(hit->distance);
-      last = p;
     }
   }
 
@@ -123,6 +119,7 @@ class GridDistance final : public DistanceSource {
   Sampling sampling_;
   double radius_;  // the samples are d / r times this
   double near_ = 0;
+  double reach_ = 0;  // world, of a voxel that counts
   Lattice lattice_;
   std::unique_ptr<VdbGrid> grid_;
 };

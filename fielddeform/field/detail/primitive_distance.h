@@ -32,14 +32,18 @@ class PrimitiveDistance {
   bool isWatertight() const noexcept { return watertight_; }  ///< signed, and every edge has its opposite: the sign changes at the surface alone
   const Box& bounds() const noexcept { return box_; }         ///< of the points, world
 
-  /// Nothing if the point is not finite, or farther than the bound. Signed primitives know no bound: their inside
-  /// counts at any depth.
+  /// Nothing if the point is not finite, or farther than the bound. Signed primitives know no bound, as their inside
+  /// counts at any depth, unless the hint names the side.
   std::optional<PrimitiveHit> closest(const Vec3& point, double maxDistance = std::numeric_limits<double>::infinity(),
                                       const ClosestHint& hint = {}) const;
 
   /// closest() of points that lie near one another in their order, bit for bit; where that finds nothing, the element
   /// is kNoIndex. Spans of one size.
   void closestTogether(Points points, double maxDistance, std::span<PrimitiveHit> out, spatial::ClosestTree::BlockHint& hint) const;
+  /// The same, but the bound holds for signed primitives too, on both sides.
+  void closestWithin(Points points, double bound, std::span<PrimitiveHit> out, spatial::ClosestTree::BlockHint& hint) const;
+  /// Whether the primitive comes so near to a point: unsigned.
+  bool reaches(const Vec3& point, double distance) const;
 
   double radiusAt(const PrimitiveHit& hit) const;
   /// Derivative of f(p) = distance / radius(closest point) by p. With a radius per point:
@@ -47,6 +51,13 @@ class PrimitiveDistance {
   Vec3 relativeGradient(const PrimitiveHit& hit, double radius) const;
 
  private:
+  static constexpr std::size_t kChunk = 64;  // points that are searched and signed together
+  struct SignedBall {
+    Vec3 centre = Vec3::Zero();
+    double clear = 0;                        // radius: no surface within
+    bool inside = false;
+  };
+  void signsOf(Points points, std::span<const spatial::ClosestPoint> found, std::array<bool, kChunk>& inside, SignedBall& known) const;
   Vec3 radiusGradient(const PrimitiveHit& hit) const;
   PrimitiveHit hitOf(const spatial::ClosestPoint& c, bool inside) const;
   bool contains(const Vec3& point) const { return box_.contains(point) && std::abs(winding_->at(point)) > 0.5; }
