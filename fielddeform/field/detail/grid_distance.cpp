@@ -1,12 +1,11 @@
 // A primitive's distance sampled in a sparse grid. The samples are exact; what is between them is interpolated, but near
 // the primitive, where the distance has a cusp, the exact distance takes over.
-#include <fielddeform/core/parallel.h>
 #include <fielddeform/field/detail/distance_source.h>
 #include <fielddeform/field/detail/vdb_grid.h>
+#include <fielddeform/field/detail/voxel_distances.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -14,8 +13,6 @@
 
 namespace fielddeform::field::detail {
 namespace {
-
-constexpr std::size_t kTogether = 64;  // points that share a search: a cube of 4^3
 
 // The distance to points, lines and planes has second derivatives of at most 1 / d across two directions, and trilinear
 // interpolation errs by at most h^2 / 8 times their sum.
@@ -92,27 +89,16 @@ class GridDistance final : public DistanceSource {
                           : coverPoints(lattice_, around, kGridMargin, budget, reaches);
   }
 
-  void fill(const std::vector<Cell>& corners) {
-    parallelFor(corners.size(), 16, [&](std::size_t begin, std::size_t end) {
-      spatial::ClosestTree::BlockHint hint;
-      for (std::size_t b = begin; b < end; ++b) fillBlock(b, corners[b], hint);
-    });
-  }
-
   // Voxels out of reach are switched off: the exact distance answers there, and need not be found here.
-  void fillBlock(std::size_t block, const Cell& corner, spatial::ClosestTree::BlockHint& hint) {
-    std::array<Vec3, kTogether> points;
-    std::array<PrimitiveHit, kTogether> hits;
-    float* out = grid_->values(block);
-    for (std::size_t begin = 0; begin < kBlockSize; begin += kTogether) {
-      for (std::size_t i = 0; i < kTogether; ++i) points[i] = lattice_.point(pointOf(corner, nearOrder(begin + i)));
-      distance_.closestWithin(points, reach_, hits, hint);
-      for (std::size_t i = 0; i < kTogether; ++i) {
-        const std::size_t j = nearOrder(begin + i);
+  void fill(const std::vector<Cell>& corners) {
+    voxelDistances(distance_, lattice_, corners, reach_, [&](std::size_t block, std::size_t first, std::span<const VoxelHit> hits) {
+      float* out = grid_->values(block);
+      for (std::size_t i = 0; i < hits.size(); ++i) {
+        const std::size_t j = nearOrder(first + i);
         if (hits[i].element == kNoIndex) grid_->switchOff(block, j);
-        else out[j] = static_cast<float>(hits[i].distance / distance_.radiusAt(hits[i]) * radius_);
+        else out[j] = static_cast<float>(hits[i].distance / distance_.radiusAt(hits[i].element, hits[i].weight) * radius_);
       }
-    }
+    });
   }
 
   const PrimitiveDistance& distance_;

@@ -18,6 +18,13 @@ struct ClosestHint {
   std::optional<bool> inside = {};  ///< surely
 };
 
+/// A ball without surface: all of it on one side.
+struct SignedBall {
+  Vec3 centre = Vec3::Zero();
+  double clear = 0;                 ///< radius
+  bool inside = false;
+};
+
 /// Exact distance to one primitive, its sign, and its radius at the closest point.
 class PrimitiveDistance {
  public:
@@ -42,22 +49,25 @@ class PrimitiveDistance {
   void closestTogether(Points points, double maxDistance, std::span<PrimitiveHit> out, spatial::ClosestTree::BlockHint& hint) const;
   /// The same, but the bound holds for signed primitives too, on both sides.
   void closestWithin(Points points, double bound, std::span<PrimitiveHit> out, spatial::ClosestTree::BlockHint& hint) const;
+  static constexpr std::size_t kTogether = 64;  ///< points whose signs are found together, at most
+  /// The side of points that lie near one another, of a signed primitive.
+  /// @param distance  of each, exact and unsigned; negative: not asked
+  /// @param known     kept from call to call; it changes no answer
+  void signsOf(Points points, std::span<const double> distance, std::span<bool> inside, SignedBall& known) const;
   /// Whether the primitive comes so near to a point: unsigned.
   bool reaches(const Vec3& point, double distance) const;
 
-  double radiusAt(const PrimitiveHit& hit) const;
+  int corners() const noexcept { return corners_; }                                           ///< of an element: 1, 2 or 3
+  const std::vector<Vec3>& points() const noexcept { return points_; }
+  const std::vector<std::array<Index, 3>>& elements() const noexcept { return elements_; }  ///< unused corners kNoIndex
+
+  double radiusAt(const PrimitiveHit& hit) const { return radiusAt(hit.element, hit.weight); }
+  double radiusAt(Index element, const Vec3& weight) const;
   /// Derivative of f(p) = distance / radius(closest point) by p. With a radius per point:
   /// n / r - (d / r^2) grad r, where r follows the closest point along its segment or in its triangle.
   Vec3 relativeGradient(const PrimitiveHit& hit, double radius) const;
 
  private:
-  static constexpr std::size_t kChunk = 64;  // points that are searched and signed together
-  struct SignedBall {
-    Vec3 centre = Vec3::Zero();
-    double clear = 0;                        // radius: no surface within
-    bool inside = false;
-  };
-  void signsOf(Points points, std::span<const spatial::ClosestPoint> found, std::array<bool, kChunk>& inside, SignedBall& known) const;
   Vec3 radiusGradient(const PrimitiveHit& hit) const;
   PrimitiveHit hitOf(const spatial::ClosestPoint& c, bool inside) const;
   bool contains(const Vec3& point) const { return box_.contains(point) && std::abs(winding_->at(point)) > 0.5; }
