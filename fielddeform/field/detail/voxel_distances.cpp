@@ -128,7 +128,8 @@ class Scan {
   struct Range {
     int begin, end;
     Range(double low, double high, std::int32_t first)
-        : begin(static_cast<int>(std::ceil(std::max(low - first, 0.0)))), end(static_cast<int>(std::floor(std::min(high - first, kTile - 1.0))) + 1) {}
+        : begin(static_cast<int>(std::ceil(std::clamp(low - first, 0.0, double{kTile})))),
+          end(static_cast<int>(std::floor(std::clamp(high - first, -1.0, kTile - 1.0))) + 1) {}
   };
 
   void scan(const Region& r, Board& board) const {
