@@ -3,6 +3,7 @@
 #include <fielddeform/core/types.h>
 
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 
@@ -56,6 +57,12 @@ struct DistanceOptions {
   GridOptions grid = {};
   VariationalOptions variational = {};
   void validate() const;             ///< @throw std::invalid_argument naming the option, its value and its bound
+};
+
+/// Grids that would take more memory than they may. The message names the number.
+class GridMemoryError : public std::invalid_argument {
+ public:
+  using std::invalid_argument::invalid_argument;
 };
 
 /// What stands behind one primitive's distance, or behind the whole field.

@@ -82,6 +82,7 @@ struct Field::Impl {
   FieldValue evaluateExactly(const Vec3& point) const;
   FieldValue blended(const detail::Relative& d) const;
   void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const;
+  void exactTogether(Points points, std::span<double> out, SearchHints& hints) const;
   void add(const Term& t, const detail::Relative& near, Blend& blend) const;
   bool finish(const Blend& blend, FieldValue& value) const;
   void beyond(const Vec3& point, FieldValue& value) const;
@@ -121,7 +122,8 @@ void Field::Impl::makeSources(const skeleton::Skeleton& skeleton, Points around)
 }
 
 void Field::Impl::makeBlendGrid(Points around) {
-  detail::BlendSource source{{}, reference, options.sharpness, true, [this](const Vec3& p) { return evaluateExactly(p).pseudoDistance; }};
+  detail::BlendSource source{{}, reference, options.sharpness, true, [this](const Vec3& p) { return evaluateExactly(p).pseudoDistance; },
+                             [this](Points points, std::span<double> out, SearchHints& hints) { exactTogether(points, out, hints); }};
   for (const Term& t : terms) {
     if (!(t.weight > 0)) continue;
     source.parts.push_back({&t.distance, t.weight});
@@ -242,6 +244,15 @@ void Field::Impl::evaluateTogether(Points points, std::span<FieldValue> out, Sea
     out[i].pseudoDistance = kInfinity;
     if (!finish(blends[i], out[i])) beyond(points[i], out[i]);
   }
+}
+
+// D while the grid is being made.
+void Field::Impl::exactTogether(Points points, std::span<double> out, SearchHints& hints) const {
+  std::array<FieldValue, kTogether> values;
+  const bool finite = std::all_of(points.begin(), points.end(), [](const Vec3& p) { return p.allFinite(); });
+  hints.resize(terms.size());
+  if (finite) evaluateTogether(points, std::span(values).first(points.size()), hints);
+  for (std::size_t i = 0; i < points.size(); ++i) out[i] = finite ? values[i].pseudoDistance : evaluateExactly(points[i]).pseudoDistance;
 }
 
 Field::Field(const skeleton::Skeleton& skeleton, const FieldOptions& options, Points around) {

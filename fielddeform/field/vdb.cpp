@@ -5,11 +5,13 @@
 #include <fielddeform/field/detail/polygonise.h>
 #include <fielddeform/field/detail/vdb_grid.h>
 #include <fielddeform/field/detail/vdb_surface.h>
+#include <fielddeform/field/detail/voxel_distances.h>
 #include <fielddeform/field/vdb.h>
 #include <fielddeform/skeleton/io.h>
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -26,12 +28,17 @@ detail::VdbGrid sampleField(const Field& field, double voxel, double megabytes, 
       detail::coverField(field, lattice, 1, kBorder, {megabytes, detail::VdbGrid::kBytesEach, what});
   detail::requireBudget({megabytes, detail::VdbGrid::kBytesEach, what}, voxel, detail::VdbGrid::megabytesOf(corners));
   detail::VdbGrid grid(lattice, corners, static_cast<float>(field.referenceRadius()));
-  parallelFor(corners.size(), 4, progress, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t b = begin; b < end; ++b) {
-      float* out = grid.values(b);
-      for (std::size_t j = 0; j < detail::kBlockSize; ++j)
-        out[j] = static_cast<float>(std::min(field.evaluate(lattice.point(detail::pointOf(corners[b], j))).pseudoDistance, 1e30));
-    }
+  parallelFor(corners.size(), 16, progress, [&](std::size_t begin, std::size_t end) {
+    std::array<Vec3, detail::kCube> points;
+    std::array<FieldValue, detail::kCube> values;
+    SearchHints hints;
+    for (std::size_t b = begin; b < end; ++b)
+      for (std::size_t first = 0; first < detail::kBlockSize; first += detail::kCube) {
+        for (std::size_t i = 0; i < detail::kCube; ++i) points[i] = lattice.point(detail::pointOf(corners[b], detail::nearOrder(first + i)));
+        field.evaluateTogether(points, values, hints);
+        for (std::size_t i = 0; i < detail::kCube; ++i)
+          grid.values(b)[detail::nearOrder(first + i)] = static_cast<float>(std::min(values[i].pseudoDistance, 1e30));
+      }
   });
   return grid;
 }
@@ -134,9 +141,9 @@ bool isVdb(const std::filesystem::path& path) {
   return extension == ".vdb";
 }
 
-skeleton::Skeleton readSkeletonOrVolume(const std::filesystem::path& path) {
+skeleton::Skeleton readSkeletonOrVolume(const std::filesystem::path& path, const std::string& grid) {
   if (!isVdb(path)) return skeleton::readSkeleton(path);
-  const mesh::Mesh surface = readVdbSurface(path);
+  const mesh::Mesh surface = readVdbSurface(path, {.grid = grid});
   skeleton::Primitive p;
   p.name = path.stem().string();
   if (p.name.empty()) p.name = "volume";

@@ -49,6 +49,8 @@ mesh::Mesh parseVdbSurface(std::string_view bytes, const std::filesystem::path& 
 /// Whether the file's name ends in .vdb.
 bool isVdb(const std::filesystem::path& path);
 /// A skeleton file; or a volume as a skeleton of one closed mesh, named by its file.
-skeleton::Skeleton readSkeletonOrVolume(const std::filesystem::path& path);
+/// @param grid  of a volume: the grid's name; empty: the first of floats or doubles. Other files have none
+/// @throw IoError, which names the grids that are there if that one is not
+skeleton::Skeleton readSkeletonOrVolume(const std::filesystem::path& path, const std::string& grid = {});
 
 }  // namespace fielddeform::field

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace fielddeform::gffd {
 namespace {
@@ -69,27 +70,36 @@ Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& 
                        o.substeps == 1 ? "" : "s", d.folds);
   };
   std::string tried;
-  const auto attemptAlso = [&](const GffdMap& other) {
+  // Grids of the first map and of the best one live while another is made; where no memory is left for its own, it is not tried.
+  bool replaced = false;
+  const auto attemptAlso = [&](const std::string& what, const auto& make) -> std::optional<Deformed> {
     if (tried.empty()) tried = name(best);
-    Deformed next = deformOnce(rest, other, binding, progress);
-    tried += "; " + name(next);
-    return next;
+    try {
+      Deformed next = deformOnce(rest, make(replaced ? map.posedMegabytes() : 0), binding, progress);
+      tried += "; " + name(next);
+      return next;
+    } catch (const field::GridMemoryError& problem) {
+      tried += fmt::format("; not {} ({})", what, problem.what());
+      return std::nullopt;
+    }
+  };
+  const auto take = [&](std::optional<Deformed>& next) {
+    best = std::move(*next);
+    replaced = true;
   };
   // The predictor was chosen on a sample; a tear that the sample missed shows on the whole surface.
   const ResolvedOptions& resolved = map.resolved();
   if (resolved.predictorWasAutomatic && options.predictor == Predictor::Axial) {
     const double stretch = greatestStretch(rest, best.position);
     if (best.folds > 0 || stretch > kTear * std::max(1.0, resolved.sampledStretch)) {
-      Deformed next = attemptAlso(map.withPredictor(Predictor::Mls));
-      if (next.folds < best.folds || (next.folds == best.folds && greatestStretch(rest, next.position) < stretch))
-        best = std::move(next);
+      auto next = attemptAlso("mls", [&](double taken) { return best.map.withPredictor(Predictor::Mls, taken); });
+      if (next && (next->folds < best.folds || (next->folds == best.folds && greatestStretch(rest, next->position) < stretch))) take(next);
     }
   }
-  const GffdMap chosen = best.map;
   for (const int substeps : {2, 4}) {
     if (substeps <= options.substeps || best.folds == 0) continue;
-    Deformed next = attemptAlso(chosen.withSubsteps(substeps));
-    if (next.folds < best.folds) best = std::move(next);
+    auto next = attemptAlso(fmt::format("{} substeps", substeps), [&](double taken) { return best.map.withSubsteps(substeps, taken); });
+    if (next && next->folds < best.folds) take(next);
   }
   if (!tried.empty()) best.retry = fmt::format("tried {}; kept {}", tried, name(best));
   return best;

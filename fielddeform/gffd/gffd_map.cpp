@@ -59,7 +59,8 @@ struct GffdMap::Impl {
   std::shared_ptr<const map::RbfWarp> warp;
   bool identity = false;
 
-  Impl(ResolvedOptions r, std::shared_ptr<const Embedding> e) : resolved(std::move(r)), embedding(std::move(e)) {
+  // `taken`: megabytes of the grids of maps that live on beside this one.
+  Impl(ResolvedOptions r, std::shared_ptr<const Embedding> e, double taken = 0) : resolved(std::move(r)), embedding(std::move(e)) {
     const Options& options = resolved.options;
     const auto& pair = resolved.skeletons;
     // Poses on the way exist only where every primitive has its correspondence.
@@ -68,6 +69,7 @@ struct GffdMap::Impl {
     std::optional<detail::Around> around = following();
     Options stageOptions = options;
     stageOptions.field = options.field.after(*embedding->field);
+    stageOptions.field.distance.grid.takenMegabytes += taken;
     if (embedding->moving && embedding->moving != embedding->field) stageOptions.field = stageOptions.field.after(*embedding->moving);
     skeleton::Skeleton last = pair.rest;
     for (int i = 1; i <= steps; ++i) {
@@ -281,21 +283,27 @@ GffdMap GffdMap::withPose(skeleton::Skeleton posed) const {
   if (detail::movingPart(resolved.skeletons).restIndex != impl_->embedding->movingIndex)
     throw std::invalid_argument("the pose removes other primitives than the map's own pose, expected a new map");
   resolved.embedding = impl_->embedding;
-  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding));
+  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding, posedMegabytes()));
 }
 
-GffdMap GffdMap::withSubsteps(int substeps) const {
+GffdMap GffdMap::withSubsteps(int substeps, double takenMegabytes) const {
   ResolvedOptions resolved = impl_->resolved;
   resolved.options.substeps = substeps;
   resolved.options.validate();
-  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding));
+  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding, posedMegabytes() + takenMegabytes));
 }
 
-GffdMap GffdMap::withPredictor(Predictor predictor) const {
+GffdMap GffdMap::withPredictor(Predictor predictor, double takenMegabytes) const {
   if (predictor == Predictor::Auto) throw std::invalid_argument("predictor is 'auto', expected a resolved one");
   ResolvedOptions resolved = impl_->resolved;
   resolved.options.predictor = predictor;
-  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding));
+  return GffdMap(std::make_shared<const Impl>(std::move(resolved), impl_->embedding, posedMegabytes() + takenMegabytes));
+}
+
+double GffdMap::posedMegabytes() const noexcept {
+  double sum = 0;
+  for (const auto& stage : impl_->stages) sum += stage->posedField().gridMegabytes();
+  return sum;
 }
 
 std::vector<NamedDistance> GffdMap::distanceReports() const {

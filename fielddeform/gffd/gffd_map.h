@@ -44,13 +44,18 @@ class GffdMap final : public map::SpaceMap {
   void residuals(const map::Binding& binding, std::span<const Index> points, Points position,
                  std::span<float> out) const;
 
-  /// The same rest skeleton, another pose. Bindings of this map stay valid for the new one.
+  /// The same rest skeleton, another pose. Bindings of this map stay valid for the new one. As this one lives on, the grids of
+  /// its posed fields count against the new one's memory, here and below.
   /// @throw std::invalid_argument if the pose removes other primitives than this map's, or is invalid
+  /// @throw field::GridMemoryError if the grids would exceed what is left
   GffdMap withPose(skeleton::Skeleton posed) const;
   /// The same edit tracked in n substeps; bindings stay valid.
-  GffdMap withSubsteps(int substeps) const;
+  /// @param takenMegabytes  by grids of further maps that live on
+  GffdMap withSubsteps(int substeps, double takenMegabytes = 0) const;
   /// The same edit by another predictor (not Auto); bindings stay valid.
-  GffdMap withPredictor(Predictor predictor) const;
+  GffdMap withPredictor(Predictor predictor, double takenMegabytes = 0) const;
+  /// Of the grids of its posed fields, which it shares with no other map (1e6 bytes).
+  double posedMegabytes() const noexcept;
 
   const ResolvedOptions& resolved() const noexcept;
   /// What became of variational and grid distances; empty where they are exact.

@@ -147,7 +147,12 @@ class GffdMethod final : public Method {
     const std::size_t before = folds(refined);
     if (before == 0 && refined.report.reason == resample::StopReason::Done) return;
     const gffd::GffdMap axial = *map_;
-    map_ = axial.withPredictor(gffd::Predictor::Mls);
+    try {
+      map_ = axial.withPredictor(gffd::Predictor::Mls);
+    } catch (const field::GridMemoryError& problem) {
+      warnings.push_back(fmt::format("inserted vertices showed {} folded edges of axial; mls was not tried: {}", before, problem.what()));
+      return;
+    }
     resample::Refined second = refineOnce(mesh, options, progress);
     const std::size_t after = folds(second);
     if (after > before || (after == before && second.report.remaining >= refined.report.remaining)) {

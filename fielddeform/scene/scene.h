@@ -115,6 +115,7 @@ struct Scene {
   double wireLocal = 0;                       ///< k >= 0: by how much the nearest wire has its way (map/wires.h)
   RestSource rest;
   std::optional<PosedSource> posed;           ///< a posed skeleton, or edits; not both
+  std::string volumeGrid;                     ///< of skeletons that are volumes (.vdb): the grid's name; empty: the first of numbers
   std::vector<skeleton::NamedPair> pairs;
   std::vector<skeleton::Edit> edits;
   std::optional<Axis> symmetry;               ///< mirror the edits about the middle of the mesh's box

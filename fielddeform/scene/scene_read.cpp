@@ -61,13 +61,14 @@ RestSource readRest(const JsonValue& value, const fs::path& folder) {
 }
 
 void readSkeletons(const JsonValue& object, const fs::path& folder, Scene& scene) {
-  object.allowKeys({"rest", "posed", "pairs", "radius"});
+  object.allowKeys({"rest", "posed", "grid", "pairs", "radius"});
   scene.rest = readRest(object.require("rest"), folder);
   if (const auto posed = given(object, "posed")) {
     if (posed->kind() == JsonKind::String) scene.posed = readPath(*posed, folder);
     else if (posed->kind() == JsonKind::Object) scene.posed = readInlineSkeleton(*posed);
     else posed->fail("", "a file's path or a skeleton");
   }
+  if (const auto grid = given(object, "grid")) scene.volumeGrid = grid->string();
   if (const auto pairs = given(object, "pairs")) {
     for (const JsonValue pair : pairs->array()) {
       if (pair.array().size() != 2) pair.fail("", "[\"NAME AT REST\", \"NAME WHEN POSED\"]");

@@ -55,6 +55,7 @@ void writeSkeletons(JsonWriter& json, const Scene& scene, const fs::path* folder
   else if (const auto* skeleton = std::get_if<skeleton::Skeleton>(&*scene.posed)) writeInlineSkeleton(json, *skeleton);
   else if (folder) json.value(pathText(std::get<fs::path>(*scene.posed), *folder));
   else json.null();
+  if (!scene.volumeGrid.empty()) json.member("grid", scene.volumeGrid);
   json.key("pairs").beginArray();
   for (const auto& pair : scene.pairs) json.beginArray(JsonLayout::Inline).value(pair.rest).value(pair.posed).end();
   json.end();

@@ -5,8 +5,10 @@
 #include <fielddeform/skeleton/fit.h>
 #include <fielddeform/skeleton/interpolate.h>
 #include <fielddeform/skeleton/principal_axes.h>
+#include <fmt/format.h>
 
 #include <algorithm>
+#include <stdexcept>
 
 namespace fielddeform::scene::detail {
 namespace {
@@ -25,10 +27,20 @@ bool is(const Edit& edit) {
   return (std::holds_alternative<Operations>(edit.operation) || ...);
 }
 
-template <class Path, class Source>
-Skeleton readOr(const Source& source) {
-  if (const auto* path = std::get_if<Path>(&source)) return field::readSkeletonOrVolume(*path);
+template <class Source>
+Skeleton readOr(const Source& source, const std::string& grid) {
+  if (const auto* path = std::get_if<fs::path>(&source)) return field::readSkeletonOrVolume(*path, grid);
   return std::get<Skeleton>(source);
+}
+
+// A grid's name that no skeleton has a use for is a mistake.
+void requireVolumeFor(const Scene& scene) {
+  const auto isVolume = [](const auto& source) {
+    const auto* path = std::get_if<fs::path>(&source);
+    return path && field::isVdb(*path);
+  };
+  if (scene.volumeGrid.empty() || isVolume(scene.rest) || (scene.posed && isVolume(*scene.posed))) return;
+  throw std::invalid_argument(fmt::format("grid is \"{}\", but no skeleton is a volume (.vdb)", scene.volumeGrid));
 }
 
 // Dividing renumbers points: a skeleton whose points are edited by number stays as it is.
@@ -125,6 +137,7 @@ double automaticRadiusFactor(const Scene& scene) noexcept {
 }
 
 Skeletons prepareSkeletons(const Scene& scene, const mesh::Mesh& mesh) {
+  requireVolumeFor(scene);
   Skeletons s;
   s.edits = scene.edits;
   if (const auto* rule = std::get_if<AxisRest>(&scene.rest)) {
@@ -136,7 +149,7 @@ Skeletons prepareSkeletons(const Scene& scene, const mesh::Mesh& mesh) {
     if (scene.tracking.radius) radius = scene.tracking.radius;
     else if (radius && scene.method == MethodKind::Wires) *radius *= kWireReach;
   } else {
-    s.source = readOr<fs::path>(scene.rest);
+    s.source = readOr(scene.rest, scene.volumeGrid);
   }
   if (!scene.tracking.radius && std::any_of(s.edits.begin(), s.edits.end(), scalesRadii)) {
     s.radiusWasAutomatic = lacksRadius(s.source);
@@ -149,7 +162,7 @@ Skeletons prepareSkeletons(const Scene& scene, const mesh::Mesh& mesh) {
   if (mayDivide(s.edits) && size > 0) s.rest = skeleton::subdivide(s.source, kPiece * size);
   useAboutOfMesh(mesh, s.rest, s.edits);
   s.edits = resolved(s.rest, s.edits);
-  Skeleton posed = scene.posed ? readOr<fs::path>(*scene.posed) : skeleton::applyEdits(s.rest, s.edits);
+  Skeleton posed = scene.posed ? readOr(*scene.posed, scene.volumeGrid) : skeleton::applyEdits(s.rest, s.edits);
   s.pair = pairOf(scene, mesh, s.rest, std::move(posed));
   return s;
 }
@@ -167,10 +180,12 @@ void storeSkeletons(const Skeletons& s, const skeleton::SkeletonPair& resolved, 
   takeRadii(resolved.rest, rest);
   scene.rest = std::move(rest);
   scene.edits = s.edits;
-  if (!scene.posed) return;
-  Skeleton posed = readOr<fs::path>(*scene.posed);
-  takeRadii(resolved.posed, posed);
-  scene.posed = std::move(posed);
+  if (scene.posed) {
+    Skeleton posed = readOr(*scene.posed, scene.volumeGrid);
+    takeRadii(resolved.posed, posed);
+    scene.posed = std::move(posed);
+  }
+  scene.volumeGrid.clear();  // what it named is in the scene now
 }
 
 }  // namespace fielddeform::scene::detail

@@ -37,6 +37,36 @@ TEST(FieldCommand, WritesAVolumeThatIsASkeletonAgain) {
   EXPECT_NE(readFile(scratch / "lod.json").find("\"closed\": true"), std::string::npos);
 }
 
+TEST(FieldCommand, AGridOfSeveralIsChosenByName) {
+  if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
+  const Scratch scratch;
+  writeFile(scratch / "two.json", R"({"format": "fielddeform-skeleton", "version": 1, "primitives": [
+    {"name": "low", "type": "mesh", "closed": true, "radius": 0.5, "points": [[0,0,0],[1,0,0],[0,1,0],[0,0,1]], "faces": [[0,2,1],[0,1,3],[1,2,3],[0,3,2]]},
+    {"name": "high", "type": "mesh", "closed": true, "radius": 0.5, "points": [[0,0,5],[1,0,5],[0,1,5],[0,0,6]], "faces": [[0,2,1],[0,1,3],[1,2,3],[0,3,2]]}]})");
+  writeFile(scratch / "dots.obj", "v 0.2 0.2 -0.1\nv 0.2 0.2 4.9\nv 0.3 0.2 -0.1\nf 1 2 3\n");
+  ASSERT_EQ(run(scratch.path(), {"field", "two.json", "-o", "f.vdb", "--primitives", "--voxel", "0.1"}).code, 0);
+  const auto twist = [&](const std::string& name) {
+    return run(scratch.path(), {"twist", "dots.obj", "--angle", "30", "--axis", "z", "--rest", "f.vdb", "--radius", "0.5", "-o", "out.obj", "--report", "r.json",
+                                "--save-scene", "scene.json", "--grid", name});
+  };
+  // What is beyond the influence of the chosen grid's surface stays: two vertices are low, one is high.
+  for (const auto& [name, fixed] : {std::pair<std::string, std::string>{"distance high", "\"fixed\": 2"}, {"distance low", "\"fixed\": 1"}}) {
+    const Result done = twist(name);
+    ASSERT_EQ(done.code, 0) << done.err;
+    EXPECT_NE(readFile(scratch / "r.json").find(fixed), std::string::npos) << name << readFile(scratch / "r.json");
+    EXPECT_EQ(readFile(scratch / "scene.json").find("\"grid\": \"distance"), std::string::npos);  // the surface itself is in it
+  }
+  const Result wrong = twist("middle");
+  EXPECT_EQ(wrong.code, 1);
+  for (const char* word : {"middle", "pseudo_distance", "distance low", "distance high"}) EXPECT_NE(wrong.err.find(word), std::string::npos) << wrong.err;
+  const Result useless = run(scratch.path(), {"deform", "dots.obj", "--rest", "two.json", "--posed", "two.json", "--grid", "middle", "-o", "out.obj"});
+  EXPECT_EQ(useless.code, 1);
+  EXPECT_NE(useless.err.find("no skeleton is a volume"), std::string::npos) << useless.err;
+  const Result surface = run(scratch.path(), {"field", "f.vdb", "--grid", "distance high", "--radius", "0.5", "-o", "high.ply", "--isosurface", "0.1", "--voxel", "0.1"});
+  ASSERT_EQ(surface.code, 0) << surface.err;
+  EXPECT_EQ(run(scratch.path(), {"field", "two.json", "--grid", "distance high", "-o", "x.ply", "--isosurface", "0.1"}).code, 1);
+}
+
 TEST(FieldCommand, MistakesLeaveNoFile) {
   const Scratch scratch;
   writeFile(scratch / "spine.json", kSpine);

@@ -13,9 +13,9 @@ std::vector<Vec3> someOf(const mesh::Mesh& mesh, std::size_t step) {
   return out;
 }
 
-std::vector<Vec3> posedBy(const fielddeform::tests::Case& c, const std::vector<Vec3>& points, Options options) {
+std::vector<Vec3> posedBy(const fielddeform::tests::Case& c, const std::vector<Vec3>& points, Options options, double tolerance = 1e-10) {
   options.falloff = Falloff::Off;
-  options.tolerance = 1e-10;
+  options.tolerance = tolerance;
   options.predictor = Predictor::Axial;
   const GffdMap map(resolve(options, {points, {}}, skeleton::pairSkeletons(c.rest, c.posed)));
   std::vector<Vec3> out(points.size());
@@ -58,6 +58,70 @@ skeleton::Skeleton twoOf(const skeleton::Skeleton& s, const Vec3& aside) {
   two.primitives[1].name = "second";
   for (Vec3& p : two.primitives[1].points) p += aside;
   return two;
+}
+
+// Where only the grid counts for voxels of up to a tenth of the radius 0.8, and away from the ends of a line along z.
+std::vector<Vec3> shellPoints() {
+  std::vector<Vec3> points;
+  for (std::uint64_t i = 0; points.size() < 400; ++i) {
+    const Vec3 p(1.4 * uniform01(3, 3 * i) - 0.7, 1.4 * uniform01(3, 3 * i + 1) - 0.7, 1.6 * uniform01(3, 3 * i + 2) - 0.8);
+    const double d = std::hypot(p.x(), p.y());
+    if (d > 0.42 && d < 0.66) points.push_back(p);
+  }
+  return points;
+}
+
+std::vector<double> errorsOf(const skeleton::Skeleton& rest, const skeleton::Skeleton& posed, const std::vector<Vec3>& points, const std::vector<Vec3>& wanted,
+                             field::Sampling sampling) {
+  const fielddeform::tests::Case c{"", {}, rest, posed, {}};
+  std::vector<double> errors;
+  for (const double voxel : {0.08, 0.04, 0.02}) {
+    Options o = withDistance(field::Distance::Grid, voxel);
+    o.field.distance.grid.sampling = sampling;
+    errors.push_back(rms(posedBy(c, points, o, 1e-12), wanted));
+  }
+  return errors;
+}
+
+// A line is turned and stretched: both distances are smooth, and lie differently in their grids. The result is known in closed form.
+TEST(Distances, OrderInTheVoxelIsTwoTrilinearAndThreeQuadraticOnATurnedAndStretchedLine) {
+  if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
+  const Mat3 turn = Eigen::AngleAxisd(0.8, Vec3(1, 2, 0).normalized()).toRotationMatrix();  // no spin: none is to be told from a line
+  const std::vector<Vec3> points = shellPoints();
+  std::vector<Vec3> line, image, wanted;
+  for (int i = -10; i <= 10; ++i) line.push_back(Vec3(0, 0, 0.2 * i)), image.push_back(turn * Vec3(0.1, 0, 0.26 * i));
+  for (const Vec3& p : points) wanted.push_back(turn * Vec3(p.x() + 0.1, p.y(), 1.3 * p.z()));
+  for (const field::Sampling sampling : {field::Sampling::Trilinear, field::Sampling::Quadratic}) {
+    const std::vector<double> e = errorsOf(lineSkeleton(line, 0.8), lineSkeleton(image, 0.8), points, wanted, sampling);
+    const double limit = sampling == field::Sampling::Quadratic ? 8 : 4;
+    EXPECT_GT(e[0] / e[1], 0.85 * limit) << toString(sampling);
+    EXPECT_GT(e[1] / e[2], 0.85 * limit) << toString(sampling);
+    EXPECT_LT(e[2], sampling == field::Sampling::Quadratic ? 1e-5 : 2e-4);
+  }
+}
+
+// A bent line is a polyline, whose distance has kinks within the bend: there the error is of first order, in proportion to the corners' angles.
+TEST(Distances, OnABendTheFloorOfTheErrorIsTheCornersOfThePolyline) {
+  if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
+  const std::vector<Vec3> points = shellPoints();
+  std::vector<std::vector<double>> e;
+  for (const int n : {40, 1280}) {
+    std::vector<Vec3> line, arc;
+    const double angle = 0.9, radius = 3 / angle;
+    for (int i = 0; i <= n; ++i) {
+      const double z = 3.0 * i / n - 1.5, a = angle * z / 3;
+      line.push_back(Vec3(0, 0, z));
+      arc.push_back(Vec3(radius * (1 - std::cos(a)), 0, radius * std::sin(a)));
+    }
+    const skeleton::Skeleton rest = lineSkeleton(line, 0.8), posed = lineSkeleton(arc, 0.8);
+    const std::vector<Vec3> exact = posedBy({"", {}, rest, posed, {}}, points, {}, 1e-12);
+    e.push_back(errorsOf(rest, posed, points, exact, field::Sampling::Quadratic));
+  }
+  EXPECT_GT(e[0][2] / e[1][2], 10);  // 32 times the angle
+  EXPECT_LT(e[0][1] / e[0][2], 4);
+  // 8 in the limit: the third order comes out above the floor.
+  EXPECT_GT(e[1][0] / e[1][1], 6);
+  EXPECT_GT(e[1][1] / e[1][2], 6);
 }
 
 TEST(Distances, AGridOfTheBlendConvergesToo) {
@@ -125,6 +189,31 @@ TEST(Distances, MemoryIsCountedOverTheFieldsOfAMap) {
   } catch (const std::invalid_argument& problem) {
     EXPECT_NE(std::string(problem.what()).find("what other grids left of"), std::string::npos) << problem.what();
   }
+}
+
+// A retry's grids are made while those of the first attempt live.
+TEST(Distances, ARetryWithoutMemoryForItsGridsIsNotMadeAndSaid) {
+  if (!field::gridsAvailable()) GTEST_SKIP() << "built without OpenVDB";
+  const auto c = fielddeform::tests::makeCase("branch");
+  Options o = withDistance(field::Distance::Grid, 0.04);
+  o.predictor = Predictor::Mls;
+  o.guard = false;
+  const Deformed retried = track(c.mesh, c.rest, c.posed, o);
+  ASSERT_NE(retried.retry.find("in 2 substeps with"), std::string::npos) << retried.retry;
+  o.retry = false;
+  const Deformed once = track(c.mesh, c.rest, c.posed, o);
+  ASSERT_GT(once.folds, 0u);
+  double all = 0;
+  for (const auto& r : once.map.distanceReports()) all += r.report.megabytes;
+  EXPECT_GT(once.map.posedMegabytes(), 0.1 * all);
+  EXPECT_LT(once.map.posedMegabytes(), all);
+  o.retry = true;
+  o.field.distance.grid.maxMegabytes = 1.1 * all;
+  const Deformed held = track(c.mesh, c.rest, c.posed, o);
+  EXPECT_NE(held.retry.find("not 2 substeps ("), std::string::npos) << held.retry;
+  EXPECT_NE(held.retry.find("what other grids left of"), std::string::npos) << held.retry;
+  EXPECT_EQ(held.position, once.position);
+  EXPECT_THROW(once.map.withSubsteps(2, 1e6), field::GridMemoryError);
 }
 
 TEST(Distances, OnAStraightSkeletonAGridsErrorCancels) {

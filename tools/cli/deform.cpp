@@ -13,6 +13,8 @@ void addDeform(CLI::App& app, Session& session) {
   auto* command = app.add_subcommand("deform", "Deform a mesh by a skeleton at rest and posed");
   command->add_option("--rest", options->rest, "Skeleton as it lies in the mesh (JSON or OBJ)")->required()->type_name("SKEL");
   command->add_option("--posed", options->posed, "The same skeleton as it is to be")->required()->type_name("SKEL");
+  command->add_option("--grid", options->batch.scene.volumeGrid, "Skeletons that are volumes (.vdb): the grid's name (default: the first of numbers)")
+      ->type_name("NAME");
   command->add_option("--pair", options->pairs, "Primitives that belong together under different names; may be repeated")
       ->type_name("REST=POSED")->allow_extra_args(false)->group("Editing");
   addBatchOptions(*command, session, options->batch, true);

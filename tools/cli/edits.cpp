@@ -36,6 +36,8 @@ void addSpine(CLI::App& command, EditOptions& options) {
       ->type_name("T")->check(within(0, 1))->group(group);
   command.add_option("--rest", options.rest, "Skeleton to edit (default: a spine through the mesh's slices)")
       ->type_name("SKEL")->group(group);
+  command.add_option("--grid", options.batch.scene.volumeGrid, "A volume (.vdb) as --rest: the grid's name (default: the first of numbers)")
+      ->type_name("NAME")->group(group);
   command.add_option("--primitive", options.primitive, "Edit this primitive of --rest alone")->type_name("NAME")->group(group);
 }
 

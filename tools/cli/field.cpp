@@ -25,7 +25,7 @@ struct Slice {
 };
 
 struct FieldCommand {
-  std::string skeleton;
+  std::string skeleton, grid;
   std::vector<std::string> outputs;
   field::VdbWriteOptions write;
   field::FieldOptions field;
@@ -201,7 +201,9 @@ void writeOne(const std::string& path, const field::Field& field, const skeleton
 }
 
 int run(FieldCommand& o, Terminal& terminal) {
-  skeleton::Skeleton skeleton = field::readSkeletonOrVolume(o.skeleton);
+  if (!o.grid.empty() && !field::isVdb(o.skeleton))
+    throw std::invalid_argument(fmt::format("--grid: \"{}\", but {} is no volume (.vdb)", o.grid, o.skeleton));
+  skeleton::Skeleton skeleton = field::readSkeletonOrVolume(o.skeleton, o.grid);
   if (o.radius) skeleton::fillRadius(skeleton, *o.radius);
   for (const auto& p : skeleton.primitives)
     if (!p.radius && p.pointRadius.empty())
@@ -234,6 +236,7 @@ void addField(CLI::App& app, Session& session) {
   command->add_option("SKEL", options->skeleton, "Skeleton (JSON, OBJ), or a volume (VDB)")->required()->type_name("");
   command->add_option("-o,--output", options->outputs, "Volume (.vdb), isosurfaces (.ply .obj .stl .off), slice (.png); may be repeated")
       ->required()->type_name("FILE")->allow_extra_args(false);
+  command->add_option("--grid", options->grid, "A volume as SKEL: the grid's name (default: the first of numbers)")->type_name("NAME");
   command->add_option_function<std::string>(
       "--isosurface", [options](const std::string& text) { options->isovalues = parseList("--isosurface", text); },
       "Pseudo-distances whose surfaces go into the mesh, model units")->type_name("V[,V...]");

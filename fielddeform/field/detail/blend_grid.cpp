@@ -116,8 +116,7 @@ void BlendGrid::chooseVoxel(const GridOptions& options) {
 bool BlendGrid::reaches(const Vec3& centre, double radius) const {
   for (const auto& part : source_.parts) {
     const double reach = part.distance->greatestRadius() + kGridBorder * lattice_.voxel;
-    const auto hit = part.distance->closest(centre, reach + radius);
-    if (hit && std::abs(hit->distance) <= reach + radius) return true;  // deep inside a solid the exact field does
+    if (part.distance->reaches(centre, reach + radius)) return true;  // deep inside a solid the exact field does
   }
   return false;
 }
@@ -125,29 +124,35 @@ bool BlendGrid::reaches(const Vec3& centre, double radius) const {
 BlendGrid::Near BlendGrid::nearest(const Vec3& point, double bound) const {
   Near near{bound, Vec3::Zero()};
   for (const auto& part : source_.parts) {
-    const auto hit = part.distance->closest(point, near.distance);
-    if (!hit || !(std::abs(hit->distance) < near.distance)) continue;
-    near = {std::abs(hit->distance), hit->distance < 0 ? Vec3(-hit->direction) : hit->direction};
+    const auto hit = part.distance->closest(point, near.distance, {kNoIndex, false});
+    if (hit && hit->distance < near.distance) near = {hit->distance, hit->direction};
   }
   return near;
 }
 
 void BlendGrid::fill(const std::vector<Cell>& corners) {
+  parallelFor(corners.size(), 16, [&](std::size_t begin, std::size_t end) {
+    SearchHints blended, marks(source_.parts.size());
+    for (std::size_t b = begin; b < end; ++b)
+      for (std::size_t first = 0; first < kBlockSize; first += kCube) fillCube(b, corners[b], first, blended, marks);
+  });
+}
+
+void BlendGrid::fillCube(std::size_t block, const Cell& corner, std::size_t first, SearchHints& blended, SearchHints& marks) {
   // A cell with a point nearer than kGridMixed * near_ has all its corners, and a stencil's, nearer than this.
   const double marked = kGridMixed * near_ + 2 * std::numbers::sqrt3 * lattice_.voxel;
-  parallelFor(corners.size(), 4, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t b = begin; b < end; ++b) {
-      float* out = grid_->values(b);
-      const Vec3 middle = lattice_.point(corners[b]) + Vec3::Constant(0.5 * (kSide - 1) * lattice_.voxel);
-      const double half = 0.5 * std::numbers::sqrt3 * (kSide - 1) * lattice_.voxel;
-      const bool any = nearest(middle, marked + half).distance < marked + half;
-      for (std::size_t j = 0; j < kBlockSize; ++j) {
-        const Vec3 p = lattice_.point(pointOf(corners[b], j));
-        out[j] = static_cast<float>(std::min(source_.value(p), 1e30));
-        if (any && nearest(p, marked).distance < marked) grid_->switchOff(b, j);
-      }
-    }
-  });
+  std::array<Vec3, kCube> points;
+  std::array<double, kCube> value;
+  std::array<PrimitiveHit, kCube> hits;
+  for (std::size_t i = 0; i < kCube; ++i) points[i] = lattice_.point(pointOf(corner, nearOrder(first + i)));
+  source_.values(points, value, blended);
+  float* out = grid_->values(block);
+  for (std::size_t i = 0; i < kCube; ++i) out[nearOrder(first + i)] = static_cast<float>(std::min(value[i], 1e30));
+  for (std::size_t k = 0; k < source_.parts.size(); ++k) {
+    source_.parts[k].distance->closestWithin(points, marked, hits, marks[k]);
+    for (std::size_t i = 0; i < kCube; ++i)
+      if (hits[i].element != kNoIndex && std::abs(hits[i].distance) < marked) grid_->switchOff(block, nearOrder(first + i));
+  }
 }
 
 void BlendGrid::describe(DistanceReport& report) const {

@@ -2,6 +2,7 @@
 
 #include <fielddeform/field/detail/distance_source.h>
 #include <fielddeform/field/detail/vdb_grid.h>
+#include <fielddeform/field/detail/voxel_distances.h>
 
 #include <functional>
 #include <memory>
@@ -21,6 +22,8 @@ struct BlendSource {
   double sharpness = 4;                         ///< k
   bool exponential = true;                      ///< every potential: then the errors have bounds
   std::function<double(const Vec3&)> value;     ///< exact D, extended beyond the radii, world; called from many threads
+  /// The same of up to kCube points that lie together.
+  std::function<void(Points, std::span<double>, SearchHints&)> values;
 };
 
 /// The whole blended pseudo-distance D sampled in one sparse grid. The samples are exact; cells that a primitive's cusp may
@@ -49,6 +52,7 @@ class BlendGrid {
   bool reaches(const Vec3& centre, double radius) const;
   Near nearest(const Vec3& point, double bound) const;
   void fill(const std::vector<Cell>& corners);
+  void fillCube(std::size_t block, const Cell& corner, std::size_t first, SearchHints& blended, SearchHints& marks);
   double smoothError(double voxel) const;
   void describe(DistanceReport& report) const;
 

@@ -1,5 +1,6 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/field/detail/blocks.h>
+#include <fielddeform/field/distance.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,10 +15,10 @@ constexpr double kMostSide = 1 << 29;  // points: sums of two coordinates stay w
 
 [[noreturn]] void refuseMegabytes(const BlockBudget& budget, double voxel, double megabytes) {
   const bool shared = budget.limit > budget.megabytes;
-  throw std::invalid_argument(fmt::format("{} needs about {:.4g} MB with voxels of {:.4g}, must be <= {:.4g} MB{}: a larger "
-                                          "voxel or tolerance, or more memory",
-                                          budget.what, megabytes, voxel, budget.megabytes,
-                                          shared ? fmt::format(", what other grids left of {:.4g} MB", budget.limit) : ""));
+  throw GridMemoryError(fmt::format("{} needs about {:.4g} MB with voxels of {:.4g}, must be <= {:.4g} MB{}: a larger voxel or "
+                                    "tolerance, or more memory",
+                                    budget.what, megabytes, voxel, budget.megabytes,
+                                    shared ? fmt::format(", what other grids left of {:.4g} MB", budget.limit) : ""));
 }
 
 [[noreturn]] void refuse(const BlockBudget& budget, double voxel, double blocks) {

@@ -29,6 +29,12 @@ inline Cell pointOf(const Cell& corner, std::size_t j) {
           corner[2] + static_cast<std::int32_t>(j & 7)};
 }
 
+/// The m-th of a block's points in an order in which every run of 8 and of 64 is a cube: which point that is.
+constexpr std::size_t nearOrder(std::size_t m) {
+  const auto everyThird = [](std::size_t b) { return (b & 1) | (b >> 2 & 2) | (b >> 4 & 4); };
+  return everyThird(m >> 2) << 6 | everyThird(m >> 1) << 3 | everyThird(m);
+}
+
 /// Most blocks that fit into so many megabytes at so many bytes a block, and who asks: for the message of a refusal.
 struct BlockBudget {
   double megabytes = 0;

@@ -14,7 +14,7 @@ namespace fielddeform::field::detail {
 inline constexpr double kGridNear = 0.1;       ///< nearer than this share of the radius, or than so many voxels, the field is exact
 inline constexpr double kGridNearVoxels = 3;
 inline constexpr double kGridMixed = 1.5;      ///< up to this multiple of it the two are mixed
-inline constexpr double kGridBorder = 3;       ///< voxels beyond the radius: the quadratic stencil and a voxel to spare
+inline constexpr double kGridBorder = 3.5;     ///< voxels beyond the radius: as far as the quadratic stencil of a point reaches
 inline constexpr double kGridMargin = 3;       ///< voxels around a vertex, where the grid follows a mesh: the quadratic stencil and one to spare
 inline constexpr double kGridFloat = 0x1p-24;  ///< rounding of a sample
 

@@ -1,8 +1,8 @@
 // A primitive's distance sampled in a sparse grid. The samples are exact; what is between them is interpolated, but near
 // the primitive, where the distance has a cusp, the exact distance takes over.
-#include <fielddeform/core/parallel.h>
 #include <fielddeform/field/detail/distance_source.h>
 #include <fielddeform/field/detail/vdb_grid.h>
+#include <fielddeform/field/detail/voxel_distances.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -36,6 +36,7 @@ class GridDistance final : public DistanceSource {
     // In units of the samples: with a radius per point they are larger than the distance by up to this.
     const double excess = radius_ / least, near = std::max(kGridNear * least, kGridNearVoxels * lattice_.voxel);
     near_ = near * excess;
+    reach_ = radius_ + kGridBorder * lattice_.voxel;
     lattice_.origin = distance.bounds().center();
     const std::string what = fmt::format("the distance grid of \"{}\"", name);
     const std::vector<Cell> corners = cover(around, budget.forBlocks(what));
@@ -56,7 +57,8 @@ class GridDistance final : public DistanceSource {
 
   std::optional<Relative> at(const Vec3& point) const override {
     Relative sampled;
-    if (!grid_->sample(point, sampling_, sampled.value, sampled.gradient)) return std::nullopt;
+    bool within = true;
+    if (!grid_->sample(point, sampling_, sampled.value, sampled.gradient, &within) || !within) return std::nullopt;
     const double d = std::abs(sampled.value);  // about the distance: at most, with a radius per point
     sampled.value /= radius_;
     sampled.gradient /= radius_;
@@ -78,51 +80,32 @@ class GridDistance final : public DistanceSource {
   }
 
   std::vector<Cell> cover(Points around, const BlockBudget& budget) const {
-    const double reach = radius_ + kGridBorder * lattice_.voxel;
     Box box = distance_.bounds();
-    box.min().array() -= reach;
-    box.max().array() += reach;
-    const auto reaches = [&](const Vec3& centre, double radius) {
-      // Deep inside a solid the exact distance does.
-      const auto hit = distance_.closest(centre);
-      return hit && std::abs(hit->distance) <= reach + radius;
-    };
+    box.min().array() -= reach_;
+    box.max().array() += reach_;
+    // Deep inside a solid the exact distance does.
+    const auto reaches = [&](const Vec3& centre, double radius) { return distance_.reaches(centre, reach_ + radius); };
     return around.empty() ? coverBlocks(lattice_, box, budget, reaches)
                           : coverPoints(lattice_, around, kGridMargin, budget, reaches);
   }
 
+  // Voxels out of reach are switched off: the exact distance answers there, and need not be found here.
   void fill(const std::vector<Cell>& corners) {
-    parallelFor(corners.size(), 4, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t b = begin; b < end; ++b) fillBlock(corners[b], grid_->values(b));
-    });
-  }
-
-  void fillBlock(const Cell& corner, float* out) const {
-    ClosestHint hint;
-    Vec3 last = Vec3::Zero();
-    double depth = 0;  // of the last point: within it no surface is crossed
-    bool inside = false;
-    for (std::size_t j = 0; j < kBlockSize; ++j) {
-      const Vec3 p = lattice_.point(pointOf(corner, j));
-      hint.inside.reset();
-      if (distance_.isWatertight() && (p - last).norm() < 0.999 * depth) hint.inside = inside;
-      const auto hit = distance_.closest(p, std::numeric_limits<double>::infinity(), hint);
-      if (!hit) {  // coordinates beyond the doubles
-        out[j] = std::numeric_limits<float>::max();
-        continue;
+    voxelDistances(distance_, lattice_, corners, reach_, [&](std::size_t block, std::size_t first, std::span<const VoxelHit> hits) {
+      float* out = grid_->values(block);
+      for (std::size_t i = 0; i < hits.size(); ++i) {
+        const std::size_t j = nearOrder(first + i);
+        if (hits[i].element == kNoIndex) grid_->switchOff(block, j);
+        else out[j] = static_cast<float>(hits[i].distance / distance_.radiusAt(hits[i].element, hits[i].weight) * radius_);
       }
-      out[j] = static_cast<float>(hit->distance / distance_.radiusAt(*hit) * radius_);
-      hint.element = hit->element;
-      inside = hit->distance < 0;
-      depth = std::abs(hit->distance);
-      last = p;
-    }
+    });
   }
 
   const PrimitiveDistance& distance_;
   Sampling sampling_;
   double radius_;  // the samples are d / r times this
   double near_ = 0;
+  double reach_ = 0;  // world, of a voxel that counts
   Lattice lattice_;
   std::unique_ptr<VdbGrid> grid_;
 };

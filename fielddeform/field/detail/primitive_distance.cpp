@@ -83,39 +83,68 @@ PrimitiveDistance::PrimitiveDistance(const skeleton::Primitive& p)
 std::optional<PrimitiveHit> PrimitiveDistance::closest(const Vec3& point, double maxDistance, const ClosestHint& hint) const {
   spatial::ClosestTree::QueryOptions query;
   query.hint = hint.element;
-  if (!isSigned()) query.maxDistance = maxDistance;
+  if (!isSigned() || hint.inside) query.maxDistance = maxDistance;
   const spatial::ClosestPoint c = tree_->closest(point, query);
   if (c.element == kNoIndex) return std::nullopt;
   return hitOf(c, isSigned() && (hint.inside ? *hint.inside : contains(point)));
 }
 
+bool PrimitiveDistance::reaches(const Vec3& point, double distance) const {
+  return tree_->closest(point, {distance}).element != kNoIndex;
+}
+
 void PrimitiveDistance::closestTogether(Points points, double maxDistance, std::span<PrimitiveHit> out,
                                         spatial::ClosestTree::BlockHint& hint) const {
-  constexpr std::size_t kChunk = 64;
-  constexpr double kRounding = 1 - 1e-9;
-  std::array<spatial::ClosestPoint, kChunk> found;
-  // The sign of one point is that of the others in the ball around it that holds no surface.
-  Vec3 centre = Vec3::Zero();
-  double clear = 0;
-  bool within = false;
-  for (std::size_t begin = 0; begin < points.size(); begin += kChunk) {
-    const std::size_t n = std::min(kChunk, points.size() - begin);
-    tree_->closestTogether(points.subspan(begin, n), std::span(found).first(n), hint,
-                           isSigned() ? std::numeric_limits<double>::infinity() : maxDistance);
+  closestWithin(points, isSigned() ? std::numeric_limits<double>::infinity() : maxDistance, out, hint);
+}
+
+void PrimitiveDistance::closestWithin(Points points, double bound, std::span<PrimitiveHit> out,
+                                      spatial::ClosestTree::BlockHint& hint) const {
+  std::array<spatial::ClosestPoint, kTogether> found;
+  std::array<double, kTogether> distance;
+  std::array<bool, kTogether> inside{};
+  SignedBall known;
+  for (std::size_t begin = 0; begin < points.size(); begin += kTogether) {
+    const std::size_t n = std::min(kTogether, points.size() - begin);
+    const Points some = points.subspan(begin, n);
+    tree_->closestTogether(some, std::span(found).first(n), hint, bound);
+    for (std::size_t i = 0; i < n; ++i) distance[i] = found[i].element == kNoIndex ? -1 : found[i].distance;
+    if (isSigned()) signsOf(some, std::span(distance).first(n), std::span(inside).first(n), known);
     for (std::size_t i = 0; i < n; ++i) {
-      const spatial::ClosestPoint& c = found[i];
-      if (c.element == kNoIndex) {
-        out[begin + i].element = kNoIndex;
-        continue;
-      }
-      const Vec3& point = points[begin + i];
-      if (isSigned() && !(watertight_ && (point - centre).norm() < clear)) {
-        within = contains(point);
-        centre = point;
-        clear = c.distance * kRounding;
-      }
-      out[begin + i] = hitOf(c, within);
+      if (found[i].element == kNoIndex) out[begin + i].element = kNoIndex;
+      else out[begin + i] = hitOf(found[i], inside[i]);
     }
+  }
+}
+
+// Where the sign changes at the surface alone, the ball around a point that holds no surface has one sign. The farthest points
+// come first: their balls hold most of the others, and few ask for a winding number.
+void PrimitiveDistance::signsOf(Points points, std::span<const double> distance, std::span<bool> inside, SignedBall& known) const {
+  constexpr double kRounding = 1 - 1e-9;
+  std::array<std::uint8_t, kTogether> order{};
+  std::array<SignedBall, kTogether + 1> balls;
+  std::size_t count = 0, made = 0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (distance[i] >= 0) order[count++] = static_cast<std::uint8_t>(i);
+  if (watertight_) {
+    std::sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count), [&](std::uint8_t a, std::uint8_t b) {
+      return distance[a] != distance[b] ? distance[a] > distance[b] : a < b;
+    });
+    if (known.clear > 0) balls[made++] = known;
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t i = order[k];
+    const Vec3& p = points[i];
+    const auto holds = [&](const SignedBall& b) {
+      const Vec3 offset = p - b.centre;
+      const double square = offset.squaredNorm();
+      return square > 0x1p-960 ? square < b.clear * b.clear : offset.stableNorm() < b.clear;  // below, squares leave the doubles
+    };
+    const auto end = balls.begin() + static_cast<std::ptrdiff_t>(made), ball = std::find_if(balls.begin(), end, holds);
+    inside[i] = ball != end ? ball->inside : contains(p);
+    if (!watertight_) continue;
+    balls[made++] = {p, distance[i] * kRounding, inside[i]};
+    if (k == 0) known = balls[made - 1];
   }
 }
 
@@ -140,11 +169,11 @@ Vec3 PrimitiveDistance::signedDirection(const spatial::ClosestPoint& c, bool ins
   return inside ? Vec3(-away) : away;
 }
 
-double PrimitiveDistance::radiusAt(const PrimitiveHit& hit) const {
-  if (pointRadius_.empty() || hit.element == kNoIndex) return greatestRadius_;
+double PrimitiveDistance::radiusAt(Index element, const Vec3& weight) const {
+  if (pointRadius_.empty() || element == kNoIndex) return greatestRadius_;
   double r = 0;
   for (int k = 0; k < corners_; ++k)
-    if (hit.weight[k] != 0) r += hit.weight[k] * pointRadius_[hit.vertex[k]];
+    if (weight[k] != 0) r += weight[k] * pointRadius_[elements_[element][static_cast<std::size_t>(k)]];
   return r;
 }
 

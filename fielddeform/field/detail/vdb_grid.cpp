@@ -144,7 +144,7 @@ double VdbGrid::megabytes() const { return 1e-6 * static_cast<double>(impl_->gri
 
 bool VdbGrid::sample(const Vec3& point, Sampling sampling, double& value, Vec3& gradient, bool* allOn) const {
   const Vec3 u = impl_->lattice.local(point);
-  if (!(u.cwiseAbs().maxCoeff() < kFarthest)) return false;
+  if (!(u.array().abs() < kFarthest).all()) return false;  // one by one: a maximum may leave a NaN out
   const Vec3 low(std::floor(u.x()), std::floor(u.y()), std::floor(u.z())), t = u - low;
   const Coord at(static_cast<openvdb::Int32>(low.x()), static_cast<openvdb::Int32>(low.y()),
                  static_cast<openvdb::Int32>(low.z()));

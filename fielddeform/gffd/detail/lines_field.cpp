@@ -22,7 +22,7 @@ std::optional<LinesField> LinesField::of(const skeleton::Skeleton& skeleton, con
     if (p.potential.value_or(options.potential) != options.potential) return std::nullopt;
     if (!(*p.radius > 1e-100) || !(*p.radius < 1e100)) return std::nullopt;
     for (const Vec3& x : p.points)
-      if (!(x.cwiseAbs().maxCoeff() < 1e100)) return std::nullopt;
+      if (!(x.array().abs() < 1e100).all()) return std::nullopt;  // one by one: a maximum may leave a NaN out
     f.lines_.push_back({{*p.radius, p.weight, p.weight == 1}, LineFinder(p)});
   }
   if (f.lines_.empty()) return std::nullopt;
