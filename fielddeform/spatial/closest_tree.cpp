@@ -49,6 +49,7 @@ std::unique_ptr<ClosestTree::Impl> ClosestTree::Impl::build(Points points,
     impl->slot[e] = s;
     for (const Index v : elements[e]) impl->vertex.push_back(points[v] * impl->scale);
   }
+  if constexpr (N == 3) impl->oriented = detail::orientedBoxes(impl->tree, impl->vertex);
   return impl;
 }
 

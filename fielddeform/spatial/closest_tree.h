@@ -20,7 +20,7 @@ struct ClosestPoint {
 /// Exact closest points on points, segments or triangles, in double precision, by a tree of boxes.
 /// Of elements at the same distance the lowest index wins; nothing depends on how the tree was built. Degenerate
 /// elements count as the segments or points that they are. Scaling elements and query by a power of two scales the
-/// answer by it, bit for bit. Immutable and safe to use from many threads. Memory: about 150 bytes a triangle.
+/// answer by it, bit for bit. Immutable and safe to use from many threads. Memory: about 250 bytes a triangle.
 class ClosestTree {
  public:
   /// @param points    #P by 3, world

@@ -23,6 +23,8 @@ struct GffdBinding final : map::Binding {
   Value value(std::size_t i) const;
   /// The movable points by cell of the embedding's frame, which must exist. Made when first asked for.
   const CellOrder& cells() const;
+  /// Of an order of all finite points: keeps what moves.
+  void adopt(CellOrder all) const;
 
  private:
   mutable std::once_flag ordered_;
