@@ -2,24 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-#include <type_traits>
 
 namespace fielddeform::spatial {
 namespace {
 
 using detail::kBlock;
 
-constexpr std::size_t kFew = 4;          // fewer queries search one by one
 constexpr std::size_t kMostTests = 320;  // more elements: half the block
-constexpr std::size_t kAlone = 16;       // queries that search one by one where even few of them have too many elements
 constexpr double kWithin = 0x1p400;      // tree's units: squares of squares stay in range
 
 }  // namespace
 
 bool ClosestTree::Impl::BlockBase::take(Points queries) {
   count_ = queries.size();
-  Vec3 low = queries[0] * tree_.scale, high = low;
+  low_ = high_ = queries[0] * tree_.scale;
   for (std::size_t i = 0; i < count_; ++i) {
     const Vec3 q = queries[i] * tree_.scale;
     lanes_.x[i] = q[0];
@@ -27,18 +23,25 @@ bool ClosestTree::Impl::BlockBase::take(Points queries) {
     lanes_.z[i] = q[2];
     for (int k = 0; k < 3; ++k)  // one by one: a maximum may leave a NaN out
       if (!(std::abs(q[k]) < kWithin)) return false;
-    low = low.cwiseMin(q);
-    high = high.cwiseMax(q);
+    low_ = low_.cwiseMin(q);
+    high_ = high_.cwiseMax(q);
   }
-  lanes_.centre = 0.5 * (low + high);
-  half_ = (0.5 + kRounding) * (high - low);
-  size2_ = detail::square(half_);
+  fill();
+  return true;
+}
+
+void ClosestTree::Impl::BlockBase::fill() {
   for (std::size_t i = count_; i % detail::kGroup != 0; ++i) {
     lanes_.x[i] = lanes_.x[count_ - 1];
     lanes_.y[i] = lanes_.y[count_ - 1];
     lanes_.z[i] = lanes_.z[count_ - 1];
   }
-  return true;
+}
+
+void ClosestTree::Impl::BlockBase::enclose(double wider) {
+  lanes_.centre = 0.5 * (low_ + high_);
+  half_ = wider * (0.5 + kRounding) * (high_ - low_);
+  size2_ = detail::square(half_);
 }
 
 void ClosestTree::Impl::BlockBase::begin() {
@@ -156,37 +159,31 @@ class ClosestTree::Impl::Block : public BlockBase {
 
 template <int N>
 void ClosestTree::Impl::together(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const {
-  std::conditional_t<N == 3, TriangleBlock, Block<N == 3 ? 1 : N>> block(*this);
+  Block<N> block(*this);
   std::size_t size = std::clamp(hint.size, kFew, kBlock);
-  const auto alone = [&](std::size_t begin, std::size_t n) {
-    for (std::size_t i = begin; i < begin + n; ++i) {
-      out[i] = query(queries[i], {maxDistance, hint.element});
-      if (out[i].element != kNoIndex) hint.element = out[i].element;
-    }
-  };
   for (std::size_t begin = 0; begin < queries.size();) {
-    const std::size_t n = std::min(size, queries.size() - begin);
-    const Points some = queries.subspan(begin, n);
-    if (n < kFew || !(maxDistance >= 0) || count == 0 || !block.take(some)) {
-      alone(begin, n);
+    std::size_t n = std::min(size, queries.size() - begin);
+    if (n < kFew || !(maxDistance >= 0) || count == 0 || !block.take(queries.subspan(begin, n))) {
+      alone(queries.subspan(begin, n), out.subspan(begin, n), maxDistance, hint);
       begin += n;
       continue;
     }
+    block.enclose(1);
     if (!block.list(maxDistance * scale, hint.element)) {
       if (n >= 2 * kFew) {
         size = n / 2;
         continue;
       }
-      const std::size_t many = std::min(kAlone, queries.size() - begin);
-      alone(begin, many);
-      begin += many;
+      n = std::min(kAlone, queries.size() - begin);
+      alone(queries.subspan(begin, n), out.subspan(begin, n), maxDistance, hint);
+      begin += n;
       continue;
     }
     if (block.empty()) {
       std::fill_n(out.begin() + static_cast<std::ptrdiff_t>(begin), n, ClosestPoint{});
     } else {
       hint.element = block.nearest();
-      block.answer(some, out.subspan(begin, n), maxDistance);
+      block.answer(queries.subspan(begin, n), out.subspan(begin, n), maxDistance);
     }
     if (n == size && block.roomy()) size = std::min(2 * size, kBlock);
     begin += n;
@@ -196,6 +193,5 @@ void ClosestTree::Impl::together(Points queries, std::span<ClosestPoint> out, do
 
 template void ClosestTree::Impl::together<1>(Points, std::span<ClosestPoint>, double, BlockHint&) const;
 template void ClosestTree::Impl::together<2>(Points, std::span<ClosestPoint>, double, BlockHint&) const;
-template void ClosestTree::Impl::together<3>(Points, std::span<ClosestPoint>, double, BlockHint&) const;
 
 }  // namespace fielddeform::spatial

@@ -41,6 +41,9 @@ class PrimitiveDistance {
   /// is kNoIndex. Spans of one size.
   void closestTogether(Points points, double maxDistance, std::span<PrimitiveHit> out, spatial::ClosestTree::BlockHint& hint) const;
 
+  /// closest() without a bound of a point whose nearest element is known, and whether it is inside.
+  PrimitiveHit closestOn(Index element, bool inside, const Vec3& point) const { return hitOf(tree_->closestOn(element, point), inside); }
+
   double radiusAt(const PrimitiveHit& hit) const;
   /// Derivative of f(p) = distance / radius(closest point) by p. With a radius per point:
   /// n / r - (d / r^2) grad r, where r follows the closest point along its segment or in its triangle.

@@ -11,7 +11,8 @@ namespace {
 
 constexpr double kFixed = std::numeric_limits<double>::quiet_NaN();
 
-constexpr std::size_t kBlock = 64;  // points that share searches
+constexpr std::size_t kBlock = 64;    // points that share searches
+constexpr std::size_t kMostFeet = 4;  // of a point, four bytes each
 
 double shareOf(double level) { return std::clamp(1 - level, 0.0, 1.0); }
 
@@ -78,11 +79,19 @@ class BlockBinder {
     if (++count_ == kBlock) finish();
   }
 
+  void pause() {
+    if (count_ >= kBlock / 2) finish();
+  }
+
   void finish() {
     const std::span<const Vec3> points(position_.data(), count_);
     const bool removed = embedding_.moving != embedding_.field;
-    embedding_.field->evaluateTogether(points, std::span(value_).first(count_), hints_);
-    if (removed && embedding_.moving) embedding_.moving->evaluateTogether(points, std::span(moving_).first(count_), movingHints_);
+    const std::size_t stride = binding_.feet.empty() ? 0 : embedding_.moving->primitiveCount();
+    const auto feet = std::span(feet_).first(stride * count_);
+    embedding_.field->evaluateTogether(points, std::span(value_).first(count_), hints_, removed ? std::span<field::Foot>{} : feet);
+    if (removed && embedding_.moving) embedding_.moving->evaluateTogether(points, std::span(moving_).first(count_), movingHints_, feet);
+    for (std::size_t k = 0; k < count_; ++k)
+      for (std::size_t f = 0; f < stride; ++f) binding_.feet[index_[k] * stride + f] = feet[k * stride + f];
     for (std::size_t k = 0; k < count_; ++k) {
       const Value v = removed && !embedding_.moving ? Value{kFixed, 0} : valueOf(embedding_, value_[k], removed ? moving_[k] : value_[k]);
       binding_.level[index_[k]] = v.level;
@@ -99,6 +108,7 @@ class BlockBinder {
   std::array<std::uint32_t, kBlock> index_;
   std::array<Vec3, kBlock> position_;
   std::array<field::FieldValue, kBlock> value_, moving_;
+  std::array<field::Foot, kBlock * kMostFeet> feet_;
 };
 
 // The same values, point by point or block by block.
@@ -115,12 +125,14 @@ void bindSingly(GffdBinding& b) {
 
 void bindByBlocks(GffdBinding& b) {
   std::fill(b.level.begin(), b.level.end(), kFixed);
+  if (b.embedding->moving && b.embedding->moving->primitiveCount() <= kMostFeet)
+    b.feet.resize(b.rest.size() * b.embedding->moving->primitiveCount());
   const CellFrame& frame = *b.embedding->cells;
   CellOrder all = orderByCell(frame, b.rest, [&](std::size_t i) { return b.rest[i].allFinite(); });
   Progress silent;
   forEachNeighbourhood(frame, all, b.rest, silent, [&](const auto& forEach) {
     BlockBinder binder(b);
-    forEach([&](std::uint32_t i) { binder.take(i); });
+    forEach(binder);
     binder.finish();
   });
   b.adopt(std::move(all));

@@ -1,6 +1,8 @@
 #include <fielddeform/gffd/detail/block_tracker.h>
 #include <fielddeform/gffd/detail/neighbourhoods.h>
 
+#include <algorithm>
+
 namespace fielddeform::gffd::detail {
 namespace {
 
@@ -14,7 +16,12 @@ class Tracker {
     point_[count_].start = binding_.rest[i];
     point_[count_].value = binding_.value(i);
     point_[count_].weight = stage_.weight(point_[count_].value);
+    point_[count_].feet = binding_.feetOf(i);
     if (++count_ == BlockSettler::kSize) finish();
+  }
+
+  void pause() {
+    if (count_ >= BlockSettler::kSize / 2) finish();
   }
 
   void finish() {
@@ -57,14 +64,16 @@ class Tracker {
 }  // namespace
 
 void BlockSettler::predict(std::span<const Point> points, std::span<Vec3> to) {
+  const auto known = [](const Point& p) { return !p.feet.empty() && std::all_of(p.feet.begin(), p.feet.end(), [](const field::Foot& f) { return f.known(); }); };
   std::size_t moving = 0;
   for (const Point& p : points)
-    if (p.weight > 0) position_[moving++] = p.start;
+    if (p.weight > 0 && !known(p)) position_[moving++] = p.start;
   stage_.axial()->at(std::span(position_).first(moving), std::span(motion_).first(moving), rest_);
   moving = 0;
   for (std::size_t k = 0; k < points.size(); ++k) {
     const Point& p = points[k];
-    to[k] = p.weight > 0 ? Vec3(p.start + Stage::part(motion_[moving++], p.weight)) : p.start;
+    if (p.weight > 0) to[k] = p.start + Stage::part(known(p) ? stage_.axial()->at(p.start, p.feet) : motion_[moving++], p.weight);
+    else to[k] = p.start;
   }
 }
 
@@ -95,7 +104,7 @@ void BlockSettler::settle(std::span<const Point> points, std::span<Tracked> out)
 void trackByBlocks(const Stage& stage, const GffdBinding& binding, map::MapOutput out, Progress& progress) {
   forEachNeighbourhood(*binding.embedding->cells, binding.cells(), binding.rest, progress, [&](const auto& forEach) {
     Tracker tracker(stage, binding, out);
-    forEach([&](std::uint32_t i) { tracker.take(i); });
+    forEach(tracker);
     tracker.finish();
   });
 }

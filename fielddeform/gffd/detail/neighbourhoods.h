@@ -4,6 +4,7 @@
 #include <fielddeform/gffd/detail/cells.h>
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 namespace fielddeform::gffd::detail {
@@ -28,21 +29,27 @@ class PartOrder {
     }
     for (std::size_t p = 1; p < start.size(); ++p) start[p] += start[p - 1];
     for (std::size_t k = 0; k < points.size(); ++k) sorted_[start[part_[k]]++] = points[k];
+    for (std::size_t o = 0; o < kOctants; ++o) ends_[o] = start[kParts * kParts * kParts / kOctants * (o + 1) - 1];
     return sorted_;
   }
+  /// Where the points of each octant end in what sort() returned.
+  const std::array<std::uint32_t, 8>& octantEnds() const { return ends_; }
 
  private:
   static constexpr int kParts = 4;  // along an axis
+  static constexpr std::size_t kOctants = 8;
   static constexpr double kEdge = 1e-12;
 
   const CellFrame& frame_;
   Points rest_;
   std::vector<std::uint8_t> part_;
   std::vector<std::uint32_t> sorted_;
+  std::array<std::uint32_t, 8> ends_{};
 };
 
 /// Walks through all points of an order in tasks of some thousand, in parallel, each in an order in which neighbours follow one
-/// another: task(forEach) is called once a task, and forEach(take) calls take(i) for each of its points.
+/// another: task(forEach) is called once a task, and forEach(worker) calls worker.take(i) for each of its points and worker.pause()
+/// where the next point may lie elsewhere.
 template <class Task>
 void forEachNeighbourhood(const CellFrame& frame, const CellOrder& cells, Points rest, Progress& progress, Task&& task) {
   constexpr std::uint32_t kTask = 4096;  // points
@@ -58,12 +65,18 @@ void forEachNeighbourhood(const CellFrame& frame, const CellOrder& cells, Points
   parallelFor(tasks.size() - 1, 1, progress, [&](std::size_t begin, std::size_t end) {
     PartOrder parts(frame, rest);
     for (std::size_t t = begin; t < end; ++t) {
-      task([&](auto&& take) {
+      task([&](auto& worker) {
         for (std::size_t r = tasks[t]; r < tasks[t + 1]; ++r) {
           const CellOrder::Run& run = cells.runs[r];
           std::span<const std::uint32_t> points(cells.order.data() + run.begin, run.end - run.begin);
-          if (points.size() > PartOrder::kSplit) points = parts.sort(run.cell, points);
-          for (const std::uint32_t i : points) take(i);
+          const bool split = points.size() > PartOrder::kSplit;
+          if (split) points = parts.sort(run.cell, points);
+          std::size_t octant = 0;
+          for (std::size_t k = 0; k < points.size(); ++k) {
+            for (; split && k == parts.octantEnds()[octant]; ++octant) worker.pause();
+            worker.take(points[k]);
+          }
+          worker.pause();
         }
       });
     }

@@ -4,6 +4,7 @@
 #include <fielddeform/spatial/detail/triangle_lanes.h>
 
 #include <array>
+#include <vector>
 
 // Which elements can be the nearest to a query p = c + e of a block, a box of centre c and half sides h? Let q_T be the foot
 // of c on element T, and S any one of them. T is convex, so |c - q|^2 >= |c - q_T|^2 + |q - q_T|^2 for every q of it, and
@@ -16,11 +17,16 @@
 // A box of elements is convex too, and its foot takes the place of q_T.
 namespace fielddeform::spatial {
 
+inline constexpr std::size_t kFew = 4;     // fewer queries search one by one
+inline constexpr std::size_t kAlone = 16;  // queries that search one by one where even few of them have too many elements
+
 /// A block of up to kBlock queries in the tree's units, and S.
 class ClosestTree::Impl::BlockBase {
  public:
-  /// False: not finite, or too large.
+  /// Loads queries. False: not finite, or too large.
   bool take(Points queries);
+  /// The block's box is theirs, times a factor.
+  void enclose(double wider);
   /// The element nearest to the centre, once something is listed.
   Index nearest() const { return tree_.tree.order[nearestSlot_]; }
 
@@ -29,6 +35,8 @@ class ClosestTree::Impl::BlockBase {
 
   /// The square that bounds searches around the centre for elements within the bound of some query.
   double reachOf(double bound) const { return limitOf((bound + std::sqrt(size2_)) * (1 + kRounding)); }
+  /// Repeats the last query up to the next whole group.
+  void fill();
   /// No S yet.
   void begin();
   /// An element seen from the centre; S if none is nearer.
@@ -66,6 +74,7 @@ class ClosestTree::Impl::BlockBase {
   const Impl& tree_;
   detail::LaneQueries lanes_;
   std::size_t count_ = 0;
+  Vec3 low_, high_;              // of the queries
   Vec3 half_;                    // half sides of the queries' box
   double size2_ = 0, most_ = 0;  // |h|^2; d_S(c)^2 + |h|^2 and rounding
   SimplexHit nearest_{};         // S
@@ -76,31 +85,62 @@ class ClosestTree::Impl::BlockBase {
 class ClosestTree::Impl::TriangleBlock : public BlockBase {
  public:
   explicit TriangleBlock(const Impl& tree) : BlockBase(tree) {}
-  /// False: too many leaves.
+  /// Lists for the box. False: too many leaves.
   bool list(double bound, Index hint);
+  /// Loads those at the beginning, up to kBlock, that lie within the box of the last list. @return how many
+  std::size_t takeWithin(Points queries);
   void answer(Points queries, std::span<ClosestPoint> out, double maxDistance);
   bool empty() const { return leafCount_ == 0; }  ///< nothing is within the bound of any query
   bool roomy() const { return 3 * leafCount_ < kMostLeaves; }
 
  private:
-  static constexpr std::size_t kMostLeaves = 64, kLeaf = 4;  // more: half the block; triangles of a leaf
+  static constexpr std::size_t kMostLeaves = 128, kLeaf = 4;  // more: half the block; triangles of a leaf
   struct Leaf {
     std::uint32_t begin, count;
+    const detail::OrientedBox* box;
     double square, diagonal;
     Vec3 offset;
     std::uint16_t firstTest = 0, tests = 0;
     bool made = false;
   };
+  // What a group found: tried first by the next one, and by the same one when it comes again.
+  struct Seeds {
+    std::array<std::uint16_t, 3> test;
+    std::size_t count = 0;
+  };
 
   bool collect(double reach);
-  bool takeLeaf(const detail::BoxTree::Child& leaf, double square, const Vec3& offset, double diagonal);
+  bool takeLeaf(const detail::BoxTree::Child& leaf, const detail::OrientedBox* box, double square, const Vec3& offset);
   void thin();
   void make(Leaf& leaf);
+  void makeTest(std::uint32_t slot, const SimplexHit& hit);
+  void prepare();
 
-  std::size_t leafCount_ = 0, testCount_ = 0;
+  std::size_t leafCount_ = 0;
   std::array<Leaf, kMostLeaves> leaf_;
   std::array<detail::LinearBound, kMostLeaves> bound_;
-  std::array<detail::TriangleTest, kMostLeaves * kLeaf> test_;
+  std::array<detail::LeafBox, kMostLeaves> box_;
+  std::vector<detail::TriangleTest> test_;
+  std::array<Seeds, detail::kBlock / detail::kGroup> seeds_;
+};
+
+/// The blocks of the last call, for queries that come again.
+class ClosestTree::Impl::TriangleSearch : public BlockHint::Kept {
+ public:
+  explicit TriangleSearch(const Impl& tree) : tree_(tree), id_(tree.id) {}
+  bool isOf(const Impl& tree) const { return id_ == tree.id; }
+  void run(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint);
+
+ private:
+  static constexpr std::size_t kKept = 8;
+  std::size_t again(Points queries, std::span<ClosestPoint> out, double maxDistance);
+  TriangleBlock& next(std::size_t stored);
+
+  const Impl& tree_;
+  std::uint64_t id_;
+  double maxDistance_ = -1;
+  std::size_t kept_ = 0;
+  std::vector<TriangleBlock> block_;
 };
 
 }  // namespace fielddeform::spatial

@@ -18,6 +18,7 @@ struct ClosestTree::Impl {
   // Queries beyond this (in the tree's units) see all elements in one place.
   static constexpr double kFar = 0x1p500;
 
+  const std::uint64_t id = nextId();  // no other tree's, ever
   int corners = 0;            // 1, 2 or 3
   std::size_t count = 0;      // elements
   double scale = 1, inverse = 1;
@@ -34,6 +35,7 @@ struct ClosestTree::Impl {
     double limit = std::numeric_limits<double>::infinity();  // squared distance of boxes to open
   };
 
+  static std::uint64_t nextId() noexcept;
   template <std::size_t N>
   static std::unique_ptr<Impl> build(Points points, std::span<const std::array<Index, N>> elements, const char* argument);
   void raiseLimit(Best& best) const {
@@ -67,13 +69,24 @@ struct ClosestTree::Impl {
   /// What was found, in world units. @param far  the query was brought nearer
   ClosestPoint answer(const Vec3& world, bool far, const Best& best, double maxDistance) const;
   ClosestPoint query(const Vec3& world, const QueryOptions& options) const;
+  /// A query in the tree's units. @param far  set where it was brought nearer
+  Vec3 inUnits(const Vec3& world, bool& far) const;
 
   class BlockBase;
   template <int N>
   class Block;
   class TriangleBlock;
+  class TriangleSearch;
   template <int N>
   void together(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const;
+  void trianglesTogether(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const;
+  /// One by one, each with the element of the one before as its hint.
+  void alone(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const {
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      out[i] = query(queries[i], {maxDistance, hint.element});
+      if (out[i].element != kNoIndex) hint.element = out[i].element;
+    }
+  }
 };
 
 template <int N>

@@ -21,6 +21,14 @@ struct WithinTask {
   std::uint16_t* which;
 };
 
+struct BoxTask {
+  const LeafBox* leaves;
+  std::span<std::uint16_t> which;
+  const LaneQueries& queries;
+  std::size_t at;
+  const GroupHits& hits;
+};
+
 struct TryTask {
   const TriangleTest* tests;
   std::span<const std::uint16_t> which;
@@ -111,6 +119,16 @@ std::size_t boundsWithin(std::span<const LinearBound> bounds, const LaneQueries&
     case SimdLevel::Baseline: break;
   }
   return baseline::within(task);
+}
+
+std::size_t boxesWithin(const LeafBox* leaves, std::span<std::uint16_t> which, const LaneQueries& queries, std::size_t at, const GroupHits& hits) {
+  const BoxTask task{leaves, which, queries, at, hits};
+  switch (simdLevel()) {
+    case SimdLevel::Avx512: return avx512::inBoxes(task);
+    case SimdLevel::Avx2: return avx2::inBoxes(task);
+    case SimdLevel::Baseline: break;
+  }
+  return baseline::inBoxes(task);
 }
 
 void tryTriangles(const TriangleTest* tests, std::span<const std::uint16_t> which, const LaneQueries& queries, std::size_t at, GroupHits& hits) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <fielddeform/core/types.h>
+#include <fielddeform/spatial/detail/oriented_boxes.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -45,6 +46,15 @@ struct GroupHits {
 
 /// Those of the bounds that leave something nearer, or equally near, to a query of the group that begins at `at`. @return how many
 std::size_t boundsWithin(std::span<const LinearBound> bounds, const LaneQueries& queries, std::size_t at, const GroupHits& hits, std::uint16_t* which);
+
+/// A leaf's box, if it has one, and what its distances may err by.
+struct LeafBox {
+  const OrientedBox* box;
+  double slack;
+};
+
+/// Those of `which` whose boxes leave something nearer, or equally near, to a query of the group; in place. @return how many
+std::size_t boxesWithin(const LeafBox* leaves, std::span<std::uint16_t> which, const LaneQueries& queries, std::size_t at, const GroupHits& hits);
 
 /// Tries the triangles tests[which[...]]; the sooner the near ones come, the fewer are looked at.
 void tryTriangles(const TriangleTest* tests, std::span<const std::uint16_t> which, const LaneQueries& queries, std::size_t at, GroupHits& hits);

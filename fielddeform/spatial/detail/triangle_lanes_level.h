@@ -177,6 +177,40 @@ LANES_TARGET std::size_t within(const WithinTask& task) {
   return found;
 }
 
+LANES_TARGET std::size_t inBoxes(const BoxTask& task) {
+  Lanes3 q[kParts];
+  Pack square[kParts];
+  for (std::size_t k = 0; k < kParts; ++k) {
+    loadQueries(task.queries, task.at + k * kWidth, q[k]);
+    load(task.hits.square + k * kWidth, square[k]);
+  }
+  const Pack zero = {};
+  std::size_t found = 0;
+  for (const std::uint16_t i : task.which) {
+    const LeafBox& leaf = task.leaves[i];
+    Mask some = zero == zero;
+    if (leaf.box) {
+      some = zero != zero;
+      for (std::size_t k = 0; k < kParts; ++k) {
+        Lanes3 d;
+        from(q[k], leaf.box->centre.data(), d);
+        Pack sum = zero - leaf.slack;
+        for (int a = 0; a < 3; ++a) {
+          Pack beyond;
+          dotWith(d, leaf.box->axis[a].data(), beyond);
+          beyond = (beyond < 0 ? -beyond : beyond) - leaf.box->half[a];
+          beyond = beyond > 0 ? beyond : zero;
+          sum += beyond * beyond;
+        }
+        some |= sum <= square[k];
+      }
+    }
+    task.which[found] = i;
+    found += anyOf(some) ? 1 : 0;
+  }
+  return found;
+}
+
 LANES_TARGET void tryAll(const TryTask& task) {
   GroupHits& hits = task.hits;
   for (std::size_t p = 0; p < kGroup; p += kWidth) {
