@@ -81,7 +81,7 @@ struct Field::Impl {
   FieldValue evaluate(const Vec3& point) const;
   FieldValue evaluateExactly(const Vec3& point) const;
   FieldValue blended(const detail::Relative& d) const;
-  void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const;
+  void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints, std::span<Foot> feet) const;
   void exactTogether(Points points, std::span<double> out, SearchHints& hints) const;
   void add(const Term& t, const detail::Relative& near, Blend& blend) const;
   bool finish(const Blend& blend, FieldValue& value) const;
@@ -219,8 +219,9 @@ void Field::Impl::beyond(const Vec3& point, FieldValue& value) const {
     value.pseudoDistance = reference;
 }
 
-void Field::Impl::evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const {
+void Field::Impl::evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints, std::span<Foot> feet) const {
   const std::size_t n = points.size();
+  std::fill(feet.begin(), feet.end(), Foot{});
   if (grid) {
     for (std::size_t i = 0; i < n; ++i) out[i] = evaluate(points[i]);
     return;
@@ -238,6 +239,8 @@ void Field::Impl::evaluateTogether(Points points, std::span<FieldValue> out, Sea
     t.distance.closestTogether(points, t.reach(), std::span(hits).first(n), hints[k]);
     for (std::size_t i = 0; i < n; ++i)
       if (hits[i].element != kNoIndex) add(t, detail::exactRelative(t.distance, hits[i]), blends[i]);
+    if (!feet.empty())
+      for (std::size_t i = 0; i < n; ++i) feet[i * terms.size() + k] = Foot(hits[i]);
   }
   for (std::size_t i = 0; i < n; ++i) {
     out[i] = {};
@@ -251,7 +254,7 @@ void Field::Impl::exactTogether(Points points, std::span<double> out, SearchHint
   std::array<FieldValue, kTogether> values;
   const bool finite = std::all_of(points.begin(), points.end(), [](const Vec3& p) { return p.allFinite(); });
   hints.resize(terms.size());
-  if (finite) evaluateTogether(points, std::span(values).first(points.size()), hints);
+  if (finite) evaluateTogether(points, std::span(values).first(points.size()), hints, {});
   for (std::size_t i = 0; i < points.size(); ++i) out[i] = finite ? values[i].pseudoDistance : evaluateExactly(points[i]).pseudoDistance;
 }
 
@@ -285,16 +288,20 @@ void Field::evaluate(Points points, std::span<FieldValue> out) const {
   });
 }
 
-void Field::evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const {
+void Field::evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints, std::span<Foot> feet) const {
   if (points.size() != out.size())
     throw std::invalid_argument(fmt::format("out: {} elements, expected {}", out.size(), points.size()));
+  const std::size_t stride = feet.empty() ? 0 : impl_->terms.size();
+  if (!feet.empty() && feet.size() != stride * points.size())
+    throw std::invalid_argument(fmt::format("feet: {} elements, expected {}", feet.size(), stride * points.size()));
   hints.resize(impl_->terms.size());
   for (std::size_t begin = 0; begin < points.size(); begin += kTogether) {
     const std::size_t n = std::min(kTogether, points.size() - begin);
     const Points some = points.subspan(begin, n);
     if (std::all_of(some.begin(), some.end(), [](const Vec3& p) { return p.allFinite(); })) {
-      impl_->evaluateTogether(some, out.subspan(begin, n), hints);
+      impl_->evaluateTogether(some, out.subspan(begin, n), hints, feet.subspan(begin * stride, n * stride));
     } else {
+      for (Foot& f : feet.subspan(begin * stride, n * stride)) f = {};
       for (std::size_t i = begin; i < begin + n; ++i) out[i] = impl_->evaluate(points[i]);
     }
   }
@@ -325,6 +332,10 @@ PrimitiveHit Field::closest(std::size_t primitive, const Vec3& point) const {
   if (const auto hit = impl_->terms.at(primitive).distance.closest(point)) return *hit;
   const double nan = std::numeric_limits<double>::quiet_NaN();
   return {point, nan, Vec3::Zero(), kNoIndex, {kNoIndex, kNoIndex, kNoIndex}, Vec3::Zero()};
+}
+
+PrimitiveHit Field::closestAt(std::size_t primitive, const Vec3& point, Foot foot) const {
+  return foot.known() ? impl_->terms.at(primitive).distance.closestOn(foot.element(), foot.inside(), point) : closest(primitive, point);
 }
 
 double Field::radiusAt(std::size_t primitive, const PrimitiveHit& hit) const {

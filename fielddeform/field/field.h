@@ -4,6 +4,7 @@
 #include <fielddeform/skeleton/skeleton.h>
 #include <fielddeform/spatial/closest_tree.h>
 
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -46,6 +47,21 @@ struct FieldValue {
   bool inside = false;          ///< S > 0: in the influence region
 };
 
+/// Where a point's closest point on one primitive lies, in four bytes: asked again, it needs no search.
+class Foot {
+ public:
+  Foot() = default;  ///< not known
+  explicit Foot(const PrimitiveHit& hit) noexcept
+      : code_(hit.element == kNoIndex ? kUnknown : hit.element | (std::signbit(hit.distance) ? kInside : 0)) {}
+  bool known() const noexcept { return code_ != kUnknown; }
+  Index element() const noexcept { return code_ & ~kInside; }
+  bool inside() const noexcept { return (code_ & kInside) != 0; }
+
+ private:
+  static constexpr std::uint32_t kInside = std::uint32_t{1} << 31, kUnknown = ~std::uint32_t{0};  // elements are fewer than 2^31
+  std::uint32_t code_ = kUnknown;
+};
+
 /// Kept by a caller who asks for block after block of points; it changes no value.
 using SearchHints = std::vector<spatial::ClosestTree::BlockHint>;
 
@@ -79,7 +95,8 @@ class Field {
   void evaluate(Points points, std::span<FieldValue> out) const;
   /// evaluate() of points that lie near one another in their order (a cell's vertices), bit for bit, on the calling thread: they
   /// share the searches. @throw std::invalid_argument if the sizes differ
-  void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints) const;
+  /// @param feet  if not empty, #P by #primitives: their closest points, as far as they were looked for
+  void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints, std::span<Foot> feet = {}) const;
   /// D of a sum S > 0, as evaluate() computes it: the inverse of the field's own potential, world.
   double pseudoDistanceOf(double sum) const;
 
@@ -96,6 +113,8 @@ class Field {
   /// closest() of points that lie near one another in their order, bit for bit, on the calling thread.
   /// @param points  all finite. @throw std::invalid_argument if the sizes differ
   void closestTogether(std::size_t primitive, Points points, std::span<PrimitiveHit> out, SearchHints& hints) const;
+  /// closest() of a point whose foot on primitive i is known, bit for bit. @param foot  of the same point on this field's primitive
+  PrimitiveHit closestAt(std::size_t primitive, const Vec3& point, Foot foot) const;
   /// The influence radius of primitive i at a hit: interpolated per-point radius, or the one radius.
   double radiusAt(std::size_t primitive, const PrimitiveHit& hit) const;
 

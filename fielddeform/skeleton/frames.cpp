@@ -37,6 +37,19 @@ Quat fitTowards(const Mat3& c, double share, const Quat& prior) {
   return fit(c + share * c.norm() * prior.toRotationMatrix().transpose());
 }
 
+// The best rotation of a vertex's ring. A flat ring says how its plane turns as exactly as its second singular value is
+// large: the prior has a share of that, not of the whole, or it would decide how slivers turn about their long edges (the
+// triangles around a pole by up to half the bend, each about another edge: a fold in everything that they carry).
+Quat fitRing(const Mat3& c, const Quat& prior) {
+  constexpr double kShare = 0.01, kSurely = 1e-9;  // of a ring as wide as it is long; of any
+  const double size = c.norm();
+  if (!(size > 0)) return prior;
+  const Mat3 unit = c / size;
+  const double second = std::sqrt(unit.col(0).cross(unit.col(1)).squaredNorm() + unit.col(1).cross(unit.col(2)).squaredNorm() +
+                                  unit.col(2).cross(unit.col(0)).squaredNorm());
+  return fitTowards(unit, 2 * kShare * second + kSurely, prior);
+}
+
 // Unit tangents along a chain; a sample between coincident neighbours takes the previous tangent.
 std::vector<Vec3> tangents(const std::vector<Vec3>& points, const std::vector<Index>& chain, bool closed) {
   const std::size_t n = chain.size();
@@ -186,7 +199,7 @@ void fitMesh(SampledPair& s, Index i, const Primitive& rest) {
   };
   for (const auto& face : rest.faces)
     for (std::size_t k = 0; k < face.size(); ++k) edge(face[k], face[(k + 1) % face.size()]);
-  for (std::size_t v = 0; v < at.size(); ++v) s.rotation[at[v]] = fitTowards(c[v], 0.01, s.global);
+  for (std::size_t v = 0; v < at.size(); ++v) s.rotation[at[v]] = fitRing(c[v], s.global);
   for (std::size_t j = 0; j < s.set.samples.size(); ++j) {
     const Sample& sample = s.set.samples[j];
     if (sample.primitive != i || sample.vertex[1] == kNoIndex) continue;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <stdexcept>
 #include <vector>
@@ -15,6 +16,11 @@ constexpr std::uint32_t kLeafSize = 4;
 constexpr double kTinySquare = 0x1p-960;
 
 }  // namespace
+
+std::uint64_t ClosestTree::Impl::nextId() noexcept {
+  static std::atomic<std::uint64_t> next{0};
+  return next.fetch_add(1, std::memory_order_relaxed);
+}
 
 template <std::size_t N>
 std::unique_ptr<ClosestTree::Impl> ClosestTree::Impl::build(Points points,
@@ -49,15 +55,20 @@ std::unique_ptr<ClosestTree::Impl> ClosestTree::Impl::build(Points points,
     impl->slot[e] = s;
     for (const Index v : elements[e]) impl->vertex.push_back(points[v] * impl->scale);
   }
+  if constexpr (N == 3) impl->oriented = detail::orientedBoxes(impl->tree, impl->vertex);
   return impl;
+}
+
+Vec3 ClosestTree::Impl::inUnits(const Vec3& world, bool& far) const {
+  const Vec3 q = world * scale;
+  far = !(q.cwiseAbs().maxCoeff() < kFar);
+  return far ? Vec3((world * 0.25).stableNormalized() * kFar) : q;  // the elements' order is lost in rounding either way
 }
 
 ClosestPoint ClosestTree::Impl::query(const Vec3& world, const QueryOptions& options) const {
   if (count == 0 || !world.allFinite() || !(options.maxDistance >= 0)) return {};
-  Vec3 q = world * scale;
-  const bool far = !(q.cwiseAbs().maxCoeff() < kFar);
-  if (far) q = (world * 0.25).stableNormalized() * kFar;  // the elements' order is lost in rounding either way
-
+  bool far = false;
+  const Vec3 q = inUnits(world, far);
   Best best;
   best.limit = limitOf(options.maxDistance * scale);
   switch (corners) {
@@ -116,6 +127,21 @@ ClosestPoint ClosestTree::closest(const Vec3& query, const QueryOptions& options
   return impl_->query(query, options);
 }
 
+ClosestPoint ClosestTree::closestOn(Index element, const Vec3& query) const {
+  if (!(element < impl_->count) || !query.allFinite()) return {};
+  bool far = false;
+  const Vec3 q = impl_->inUnits(query, far);
+  Impl::Best best;
+  best.element = element;
+  best.slot = impl_->slot[element];
+  switch (impl_->corners) {
+    case 1: best.hit = impl_->testOne<1>(q, best.slot); break;
+    case 2: best.hit = impl_->testOne<2>(q, best.slot); break;
+    default: best.hit = impl_->testOne<3>(q, best.slot);
+  }
+  return impl_->answer(query, far, best, std::numeric_limits<double>::infinity());
+}
+
 void ClosestTree::closest(Points queries, std::span<ClosestPoint> out) const {
   if (queries.size() != out.size())
     throw std::invalid_argument(fmt::format("out: {} elements, expected {}", out.size(), queries.size()));
@@ -134,7 +160,7 @@ void ClosestTree::closestTogether(Points queries, std::span<ClosestPoint> out, B
   switch (impl_->corners) {
     case 1: return impl_->together<1>(queries, out, maxDistance, hint);
     case 2: return impl_->together<2>(queries, out, maxDistance, hint);
-    default: return impl_->together<3>(queries, out, maxDistance, hint);
+    default: return impl_->trianglesTogether(queries, out, maxDistance, hint);
   }
 }
 

@@ -20,7 +20,7 @@ struct ClosestPoint {
 /// Exact closest points on points, segments or triangles, in double precision, by a tree of boxes.
 /// Of elements at the same distance the lowest index wins; nothing depends on how the tree was built. Degenerate
 /// elements count as the segments or points that they are. Scaling elements and query by a power of two scales the
-/// answer by it, bit for bit. Immutable and safe to use from many threads. Memory: about 150 bytes a triangle.
+/// answer by it, bit for bit. Immutable and safe to use from many threads. Memory: about 250 bytes a triangle.
 class ClosestTree {
  public:
   /// @param points    #P by 3, world
@@ -41,10 +41,16 @@ class ClosestTree {
   };
   ClosestPoint closest(const Vec3& query, const QueryOptions& options) const;
   ClosestPoint closest(const Vec3& query) const { return closest(query, {}); }
-  /// Kept from one call of closestTogether to the next; it changes no answer.
+  /// closest() of a query whose nearest element is known, bit for bit. @param element  what closest() of the same query found
+  ClosestPoint closestOn(Index element, const Vec3& query) const;
+  /// Kept from one call of closestTogether to the next; it changes no answer. Not for two threads at once.
   struct BlockHint {
-    Index element = kNoIndex;  ///< probably near
-    std::size_t size = 64;     ///< as many queries shared a search
+    struct Kept {
+      virtual ~Kept() = default;
+    };
+    Index element = kNoIndex;    ///< probably near
+    std::size_t size = 64;       ///< as many queries shared a search
+    std::shared_ptr<Kept> kept;  ///< the searches of the last call: queries that moved a little since share them again
   };
   /// closest() of each query, bit for bit, on the calling thread: much quicker where queries that follow one another lie
   /// near one another, compared with the size of an element. Up to 64 of them share one search that lists the elements

@@ -89,5 +89,41 @@ TEST(FieldTogether, ClosestPointsAndSignsAreThoseOfSinglePoints) {
   }
 }
 
+TEST(FieldTogether, FeetGiveTheClosestPointsAgainWithoutASearch) {
+  std::vector<Vec3> points = clouds();
+  points[20][1] = std::numeric_limits<double>::quiet_NaN();
+  std::size_t known = 0, within = 0;
+  for (const auto& s : skeletons()) {
+    const Field field(s);
+    const std::size_t n = field.primitiveCount();
+    SearchHints hints;
+    std::vector<FieldValue> values(points.size());
+    std::vector<Foot> feet(n * points.size());
+    field.evaluateTogether(points, values, hints, feet);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      ASSERT_TRUE(same(values[i], field.evaluate(points[i])));
+      for (std::size_t k = 0; k < n; ++k) {
+        const Foot foot = feet[n * i + k];
+        known += foot.known();
+        within += foot.known() && foot.inside();
+        if (i == 20) {
+          EXPECT_FALSE(foot.known());
+          continue;
+        }
+        const PrimitiveHit found = field.closestAt(k, points[i], foot), expected = field.closest(k, points[i]);
+        ASSERT_EQ(found.distance, expected.distance) << s.primitives[k].name << ' ' << i;
+        ASSERT_EQ(std::signbit(found.distance), std::signbit(expected.distance));
+        ASSERT_EQ(found.element, expected.element);
+        ASSERT_EQ(found.point, expected.point);
+        ASSERT_EQ(found.direction, expected.direction);
+        ASSERT_EQ(found.weight, expected.weight);
+      }
+    }
+    EXPECT_THROW(field.evaluateTogether(points, values, hints, std::span(feet).first(n)), std::invalid_argument);
+  }
+  EXPECT_GT(known, 5000u);
+  EXPECT_GT(within, 500u);
+}
+
 }  // namespace
 }  // namespace fielddeform::field

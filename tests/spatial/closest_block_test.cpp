@@ -105,6 +105,48 @@ TEST(ClosestBlock, TrianglesGetTheBytesOfSingleQueriesInAnyInstructionSet) {
   }
 }
 
+// A call's queries come again, moved a little, fewer of them, with another bound, to another tree: never another byte.
+TEST(ClosestBlock, QueriesThatComeAgainGetTheBytesOfSingleQueries) {
+  for (const Shape& shape : shapes()) {
+    const ClosestTree tree = ClosestTree::ofTriangles(shape.soup.points, shape.soup.triangles);
+    const Soup other = sphere(7, 1.5);
+    const ClosestTree otherTree = ClosestTree::ofTriangles(other.points, other.triangles);
+    const std::vector<Vec3> q = queriesAround(shape.soup, 17);
+    ClosestTree::BlockHint hint;
+    std::vector<ClosestPoint> found(64);
+    for (std::size_t begin = 0; begin < q.size(); begin += 64) {
+      for (int round = 0; round < 6; ++round) {
+        std::vector<Vec3> some;
+        for (std::size_t i = begin; i < begin + 64; ++i) {
+          if (round >= 2 && i % 5 == static_cast<std::size_t>(round)) continue;
+          const Vec3 moved = q[i] + static_cast<double>(round) * randomPoint(18, i, round == 3 ? 0.1 : 1e-5);
+          some.push_back(round == 5 && i % 64 == 40 ? Vec3(moved * std::numeric_limits<double>::quiet_NaN()) : moved);
+        }
+        const ClosestTree& asked = round == 4 ? otherTree : tree;
+        const double bound = round == 2 ? 0.05 : kInf;
+        const auto answers = std::span(found).first(some.size());
+        asked.closestTogether(some, answers, hint, bound);
+        for (std::size_t i = 0; i < some.size(); ++i)
+          ASSERT_TRUE(same(answers[i], asked.closest(some[i], {.maxDistance = bound}))) << shape.name << ' ' << begin << ' ' << round << ' ' << i;
+      }
+    }
+  }
+}
+
+TEST(ClosestBlock, AKnownElementGivesTheBytesOfTheSearch) {
+  for (const Shape& shape : shapes()) {
+    const ClosestTree tree = ClosestTree::ofTriangles(shape.soup.points, shape.soup.triangles);
+    for (const Vec3& p : queriesAround(shape.soup, 19)) {
+      const ClosestPoint expected = tree.closest(p);
+      ASSERT_TRUE(same(tree.closestOn(expected.element, p), expected)) << shape.name;
+    }
+    const Vec3 far(1e300, -1e299, 3);
+    EXPECT_TRUE(same(tree.closestOn(tree.closest(far).element, far), tree.closest(far)));
+    EXPECT_EQ(tree.closestOn(kNoIndex, Vec3::Zero()).element, kNoIndex);
+    EXPECT_EQ(tree.closestOn(0, Vec3::Constant(std::numeric_limits<double>::quiet_NaN())).element, kNoIndex);
+  }
+}
+
 TEST(ClosestBlock, ABoundLeavesTheSameQueriesWithoutAnAnswer) {
   const Soup s = sphere(12);
   const ClosestTree tree = ClosestTree::ofTriangles(s.points, s.triangles);

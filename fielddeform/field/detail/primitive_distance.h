@@ -63,6 +63,8 @@ class PrimitiveDistance {
 
   double radiusAt(const PrimitiveHit& hit) const { return radiusAt(hit.element, hit.weight); }
   double radiusAt(Index element, const Vec3& weight) const;
+  /// closest() without a bound of a point whose nearest element is known, and whether it is inside.
+  PrimitiveHit closestOn(Index element, bool inside, const Vec3& point) const { return hitOf(tree_->closestOn(element, point), inside); }
   /// Derivative of f(p) = distance / radius(closest point) by p. With a radius per point:
   /// n / r - (d / r^2) grad r, where r follows the closest point along its segment or in its triangle.
   Vec3 relativeGradient(const PrimitiveHit& hit, double radius) const;

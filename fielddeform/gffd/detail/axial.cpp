@@ -73,12 +73,14 @@ double AxialPredictor::nearness(const Vec3& point) const {
   return nearest;
 }
 
-LocalMotion AxialPredictor::at(const Vec3& point) const {
+LocalMotion AxialPredictor::at(const Vec3& point) const { return at(point, {}); }
+
+LocalMotion AxialPredictor::at(const Vec3& point, std::span<const field::Foot> feet) const {
   const std::size_t n = field_->primitiveCount();
   std::array<field::PrimitiveHit, kFew> few;
   std::vector<field::PrimitiveHit> many(n > kFew ? n : 0);
   field::PrimitiveHit* hits = n > kFew ? many.data() : few.data();
-  for (std::size_t i = 0; i < n; ++i) hits[i] = field_->closest(i, point);
+  for (std::size_t i = 0; i < n; ++i) hits[i] = feet.empty() ? field_->closest(i, point) : field_->closestAt(i, point, feet[i]);
   return from(point, hits, 1);
 }
 

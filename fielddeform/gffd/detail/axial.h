@@ -23,6 +23,8 @@ class AxialPredictor {
     std::vector<field::PrimitiveHit> hits;
   };
   void at(Points points, std::span<LocalMotion> out, Searches& searches) const;
+  /// at() of a point with its feet on the primitives, bit for bit. @param feet  as field::Field::closestAt()
+  LocalMotion at(const Vec3& point, std::span<const field::Foot> feet) const;
   /// min_i |d_i| / r_i: how near the skeleton is, in radii.
   double nearness(const Vec3& point) const;
 

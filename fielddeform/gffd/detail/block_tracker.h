@@ -18,6 +18,7 @@ class BlockSettler {
     Vec3 start;          ///< predict: at rest; settle: predicted, finite
     Value value;
     double weight = 1;   ///< that the falloff leaves it
+    std::span<const field::Foot> feet = {};  ///< predict: on the moving part's primitives, if they are known; settle: unused
   };
   /// Only where the stage has axial(). @param to  not finite where the prediction fails
   void predict(std::span<const Point> points, std::span<Vec3> to);

@@ -21,6 +21,7 @@ struct Embedding {
   std::shared_ptr<const field::Field> moving;  ///< of its moving part; the same object if nothing is removed; may be null
   std::vector<Index> movingIndex;              ///< the rest primitives that are not removed
   double radius = 0;                           ///< R of `field`
+  bool surfaces = false;                       ///< a mesh is among its primitives
   std::optional<CellFrame> cells;              ///< of the moving part; absent where there can be none
 };
 

@@ -2,6 +2,7 @@
 
 #include <fielddeform/spatial/closest_tree.h>
 #include <fielddeform/spatial/detail/box_tree.h>
+#include <fielddeform/spatial/detail/oriented_boxes.h>
 #include <fielddeform/spatial/detail/simplex_inline.h>
 
 #include <cmath>
@@ -17,6 +18,7 @@ struct ClosestTree::Impl {
   // Queries beyond this (in the tree's units) see all elements in one place.
   static constexpr double kFar = 0x1p500;
 
+  const std::uint64_t id = nextId();  // no other tree's, ever
   int corners = 0;            // 1, 2 or 3
   std::size_t count = 0;      // elements
   double scale = 1, inverse = 1;
@@ -24,6 +26,7 @@ struct ClosestTree::Impl {
   detail::BoxTree tree;
   std::vector<Vec3> vertex;   // by leaf slot, `corners` each
   std::vector<Index> slot;    // element -> leaf slot
+  std::vector<detail::OrientedBox> oriented;  // of triangles: by node and side
 
   struct Best {
     SimplexHit hit{std::numeric_limits<double>::infinity(), Vec3::Zero(), Vec3::Zero()};
@@ -32,6 +35,7 @@ struct ClosestTree::Impl {
     double limit = std::numeric_limits<double>::infinity();  // squared distance of boxes to open
   };
 
+  static std::uint64_t nextId() noexcept;
   template <std::size_t N>
   static std::unique_ptr<Impl> build(Points points, std::span<const std::array<Index, N>> elements, const char* argument);
   void raiseLimit(Best& best) const {
@@ -65,11 +69,24 @@ struct ClosestTree::Impl {
   /// What was found, in world units. @param far  the query was brought nearer
   ClosestPoint answer(const Vec3& world, bool far, const Best& best, double maxDistance) const;
   ClosestPoint query(const Vec3& world, const QueryOptions& options) const;
+  /// A query in the tree's units. @param far  set where it was brought nearer
+  Vec3 inUnits(const Vec3& world, bool& far) const;
 
+  class BlockBase;
   template <int N>
   class Block;
+  class TriangleBlock;
+  class TriangleSearch;
   template <int N>
   void together(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const;
+  void trianglesTogether(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const;
+  /// One by one, each with the element of the one before as its hint.
+  void alone(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const {
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      out[i] = query(queries[i], {maxDistance, hint.element});
+      if (out[i].element != kNoIndex) hint.element = out[i].element;
+    }
+  }
 };
 
 template <int N>
@@ -87,14 +104,17 @@ template <int N>
 void ClosestTree::Impl::traverse(const Vec3& q, Best& best) const {
   struct Entry {
     detail::BoxTree::Child child;
+    std::uint32_t box;  // of `oriented`
     double squaredDistance;
   };
   Entry stack[detail::BoxTree::kMaxDepth];
   int top = 0;
-  stack[top++] = {tree.root, 0};
+  stack[top++] = {tree.root, kNoIndex, 0};
   while (top > 0) {
     const Entry entry = stack[--top];
     if (entry.squaredDistance > best.limit) continue;
+    if constexpr (N == 3)
+      if (entry.box != kNoIndex && oriented[entry.box].exists() && oriented[entry.box].squareTo(q) > best.limit) continue;
     if (entry.child.count > 0) {
       for (std::uint32_t s = entry.child.begin; s < entry.child.begin + entry.child.count; ++s) testSlot<N>(q, s, best);
       continue;
@@ -109,8 +129,9 @@ void ClosestTree::Impl::traverse(const Vec3& q, Best& best) const {
         d2[side] += d * d;
       }
     const int nearer = d2[1] < d2[0] ? 1 : 0, farther = 1 - nearer;
-    if (d2[farther] <= best.limit) stack[top++] = {node.child[farther], d2[farther]};
-    stack[top++] = {node.child[nearer], d2[nearer]};
+    const std::uint32_t boxes = 2 * entry.child.begin;
+    if (d2[farther] <= best.limit) stack[top++] = {node.child[farther], boxes + static_cast<std::uint32_t>(farther), d2[farther]};
+    stack[top++] = {node.child[nearer], boxes + static_cast<std::uint32_t>(nearer), d2[nearer]};
   }
 }
 

@@ -2,6 +2,7 @@
 #include <fielddeform/spatial/detail/simplex_inline.h>
 #include <fielddeform/spatial/detail/triangle_lanes.h>
 
+#include <algorithm>
 #include <limits>
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -12,12 +13,28 @@ namespace {
 
 using fielddeform::detail::SimdLevel, fielddeform::detail::simdLevel;
 
-struct NearestTask {
-  const TriangleTest* tests;
-  std::size_t testCount;
+struct WithinTask {
+  std::span<const LinearBound> bounds;
   const LaneQueries& queries;
-  std::size_t count;
-  LaneHits& hits;
+  std::size_t at;
+  const GroupHits& hits;
+  std::uint16_t* which;
+};
+
+struct BoxTask {
+  const LeafBox* leaves;
+  std::span<std::uint16_t> which;
+  const LaneQueries& queries;
+  std::size_t at;
+  const GroupHits& hits;
+};
+
+struct TryTask {
+  const TriangleTest* tests;
+  std::span<const std::uint16_t> which;
+  const LaneQueries& queries;
+  std::size_t at;
+  GroupHits& hits;
 };
 
 namespace baseline {
@@ -89,12 +106,37 @@ TriangleTest makeTest(const Vec3& a, const Vec3& b, const Vec3& c, Index element
   return t;
 }
 
-void nearestTriangles(const TriangleTest* tests, std::size_t testCount, const LaneQueries& queries, std::size_t count, LaneHits& hits) {
-  const NearestTask task{tests, testCount, queries, count, hits};
+GroupHits::GroupHits() noexcept {
+  for (double* lanes : {square, element, test}) std::fill_n(lanes, kGroup, std::numeric_limits<double>::infinity());
+  for (double* lanes : {x, y, z, u, v, w}) std::fill_n(lanes, kGroup, 0.0);
+}
+
+std::size_t boundsWithin(std::span<const LinearBound> bounds, const LaneQueries& queries, std::size_t at, const GroupHits& hits, std::uint16_t* which) {
+  const WithinTask task{bounds, queries, at, hits, which};
   switch (simdLevel()) {
-    case SimdLevel::Avx512: return avx512::nearest(task);
-    case SimdLevel::Avx2: return avx2::nearest(task);
-    case SimdLevel::Baseline: return baseline::nearest(task);
+    case SimdLevel::Avx512: return avx512::within(task);
+    case SimdLevel::Avx2: return avx2::within(task);
+    case SimdLevel::Baseline: break;
+  }
+  return baseline::within(task);
+}
+
+std::size_t boxesWithin(const LeafBox* leaves, std::span<std::uint16_t> which, const LaneQueries& queries, std::size_t at, const GroupHits& hits) {
+  const BoxTask task{leaves, which, queries, at, hits};
+  switch (simdLevel()) {
+    case SimdLevel::Avx512: return avx512::inBoxes(task);
+    case SimdLevel::Avx2: return avx2::inBoxes(task);
+    case SimdLevel::Baseline: break;
+  }
+  return baseline::inBoxes(task);
+}
+
+void tryTriangles(const TriangleTest* tests, std::span<const std::uint16_t> which, const LaneQueries& queries, std::size_t at, GroupHits& hits) {
+  const TryTask task{tests, which, queries, at, hits};
+  switch (simdLevel()) {
+    case SimdLevel::Avx512: return avx512::tryAll(task);
+    case SimdLevel::Avx2: return avx2::tryAll(task);
+    case SimdLevel::Baseline: return baseline::tryAll(task);
   }
 }
 

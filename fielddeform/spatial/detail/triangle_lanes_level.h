@@ -137,27 +137,108 @@ struct TriangleLanes {
   }
 };
 
-LANES_TARGET void nearest(const NearestTask& task) {
-  for (std::size_t p = 0; p < task.count; p += sizeof(Pack) / 8) {
-    Lanes3 q, d;
-    q.x = *reinterpret_cast<const Pack*>(task.queries.x + p);
-    q.y = *reinterpret_cast<const Pack*>(task.queries.y + p);
-    q.z = *reinterpret_cast<const Pack*>(task.queries.z + p);
+inline constexpr std::size_t kWidth = sizeof(Pack) / 8, kParts = kGroup / kWidth;
+
+LANES_INLINE void load(const double* numbers, Pack& out) { out = *reinterpret_cast<const Pack*>(numbers); }
+LANES_INLINE void store(const Pack& x, double* numbers) { *reinterpret_cast<Pack*>(numbers) = x; }
+
+LANES_INLINE void leastOf(const LinearBound& bound, const Lanes3& d, Pack& least) {
+  dotWith(d, bound.offset, least);
+  least += bound.least;
+}
+
+LANES_INLINE void loadQueries(const LaneQueries& queries, std::size_t at, Lanes3& q) {
+  load(queries.x + at, q.x);
+  load(queries.y + at, q.y);
+  load(queries.z + at, q.z);
+}
+
+LANES_TARGET std::size_t within(const WithinTask& task) {
+  Lanes3 d[kParts];
+  Pack square[kParts];
+  for (std::size_t k = 0; k < kParts; ++k) {
+    Lanes3 q;
+    loadQueries(task.queries, task.at + k * kWidth, q);
+    from(q, task.queries.centre.data(), d[k]);
+    load(task.hits.square + k * kWidth, square[k]);
+  }
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < task.bounds.size(); ++i) {
+    Pack least;
+    leastOf(task.bounds[i], d[0], least);
+    Mask some = least <= square[0];
+    for (std::size_t k = 1; k < kParts; ++k) {
+      leastOf(task.bounds[i], d[k], least);
+      some |= least <= square[k];
+    }
+    task.which[found] = static_cast<std::uint16_t>(i);
+    found += anyOf(some) ? 1 : 0;
+  }
+  return found;
+}
+
+LANES_TARGET std::size_t inBoxes(const BoxTask& task) {
+  Lanes3 q[kParts];
+  Pack square[kParts];
+  for (std::size_t k = 0; k < kParts; ++k) {
+    loadQueries(task.queries, task.at + k * kWidth, q[k]);
+    load(task.hits.square + k * kWidth, square[k]);
+  }
+  const Pack zero = {};
+  std::size_t found = 0;
+  for (const std::uint16_t i : task.which) {
+    const LeafBox& leaf = task.leaves[i];
+    Mask some = zero == zero;
+    if (leaf.box) {
+      some = zero != zero;
+      for (std::size_t k = 0; k < kParts; ++k) {
+        Lanes3 d;
+        from(q[k], leaf.box->centre.data(), d);
+        Pack sum = zero - leaf.slack;
+        for (int a = 0; a < 3; ++a) {
+          Pack beyond;
+          dotWith(d, leaf.box->axis[a].data(), beyond);
+          beyond = (beyond < 0 ? -beyond : beyond) - leaf.box->half[a];
+          beyond = beyond > 0 ? beyond : zero;
+          sum += beyond * beyond;
+        }
+        some |= sum <= square[k];
+      }
+    }
+    task.which[found] = i;
+    found += anyOf(some) ? 1 : 0;
+  }
+  return found;
+}
+
+LANES_TARGET void tryAll(const TryTask& task) {
+  GroupHits& hits = task.hits;
+  for (std::size_t p = 0; p < kGroup; p += kWidth) {
+    Lanes3 q, d, offset;
+    loadQueries(task.queries, task.at + p, q);
     from(q, task.queries.centre.data(), d);
+    Pack square, element, test, u, v, w;
+    load(hits.square + p, square);
+    load(hits.element + p, element);
+    load(hits.test + p, test);
+    load(hits.x + p, offset.x);
+    load(hits.y + p, offset.y);
+    load(hits.z + p, offset.z);
+    load(hits.u + p, u);
+    load(hits.v + p, v);
+    load(hits.w + p, w);
     const Pack zero = {};
-    Pack square = zero + std::numeric_limits<double>::infinity(), element = square, u = zero, v = zero, w = zero;
-    Lanes3 offset{zero, zero, zero};
-    for (std::size_t i = 0; i < task.testCount; ++i) {
+    for (const std::uint16_t i : task.which) {
       const TriangleTest& t = task.tests[i];
       Pack least;
-      dotWith(d, t.offset, least);
-      least += t.least;
+      leastOf(t.bound, d, least);
       if (!anyOf(least <= square)) continue;
       TriangleLanes hit;
       hit.find(t, q);
       const Mask better = (hit.square < square) | ((hit.square == square) & (t.element < element));
       square = better ? hit.square : square;
       element = better ? Pack(zero + t.element) : element;
+      test = better ? Pack(zero + static_cast<double>(i)) : test;
       offset.x = better ? hit.offset.x : offset.x;
       offset.y = better ? hit.offset.y : offset.y;
       offset.z = better ? hit.offset.z : offset.z;
@@ -165,14 +246,15 @@ LANES_TARGET void nearest(const NearestTask& task) {
       v = better ? hit.v : v;
       w = better ? hit.w : w;
     }
-    *reinterpret_cast<Pack*>(task.hits.square + p) = square;
-    *reinterpret_cast<Pack*>(task.hits.element + p) = element;
-    *reinterpret_cast<Pack*>(task.hits.x + p) = offset.x;
-    *reinterpret_cast<Pack*>(task.hits.y + p) = offset.y;
-    *reinterpret_cast<Pack*>(task.hits.z + p) = offset.z;
-    *reinterpret_cast<Pack*>(task.hits.u + p) = u;
-    *reinterpret_cast<Pack*>(task.hits.v + p) = v;
-    *reinterpret_cast<Pack*>(task.hits.w + p) = w;
+    store(square, hits.square + p);
+    store(element, hits.element + p);
+    store(test, hits.test + p);
+    store(offset.x, hits.x + p);
+    store(offset.y, hits.y + p);
+    store(offset.z, hits.z + p);
+    store(u, hits.u + p);
+    store(v, hits.v + p);
+    store(w, hits.w + p);
   }
 }
 
