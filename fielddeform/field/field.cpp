@@ -23,6 +23,7 @@ constexpr double kMaxWeight = 1e40;  // times e^600 and the number of primitives
 constexpr double kSlopeFloor = 0.05;
 constexpr double kSlack = 1e-12;  // a bound in world units, rounded
 constexpr std::size_t kTogether = 64;  // points whose sums are held at once
+constexpr std::size_t kMany = std::size_t{1} << 19;  // the same where a source takes many points together
 
 }  // namespace
 
@@ -52,6 +53,9 @@ struct Field::Impl {
     std::optional<detail::Relative> at(const Vec3& point, double maxDistance) const {
       if (source)
         if (const auto found = source->at(point)) return found;
+      return exactAt(point, maxDistance);
+    }
+    std::optional<detail::Relative> exactAt(const Vec3& point, double maxDistance) const {
       const auto hit = distance.closest(point, maxDistance);
       if (!hit) return std::nullopt;
       return detail::exactRelative(distance, *hit);
@@ -83,6 +87,8 @@ struct Field::Impl {
   FieldValue blended(const detail::Relative& d) const;
   void evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints, std::span<Foot> feet) const;
   void exactTogether(Points points, std::span<double> out, SearchHints& hints) const;
+  bool manyAreQuicker(std::size_t points) const;
+  void evaluateMany(Points points, std::span<FieldValue> out) const;
   void add(const Term& t, const detail::Relative& near, Blend& blend) const;
   bool finish(const Blend& blend, FieldValue& value) const;
   void beyond(const Vec3& point, FieldValue& value) const;
@@ -258,6 +264,41 @@ void Field::Impl::exactTogether(Points points, std::span<double> out, SearchHint
   for (std::size_t i = 0; i < points.size(); ++i) out[i] = finite ? values[i].pseudoDistance : evaluateExactly(points[i]).pseudoDistance;
 }
 
+bool Field::Impl::manyAreQuicker(std::size_t points) const {
+  return !grid && std::any_of(terms.begin(), terms.end(), [&](const Term& t) { return t.source && t.source->togetherIsQuicker(points); });
+}
+
+// One primitive after the other.
+void Field::Impl::evaluateMany(Points points, std::span<FieldValue> out) const {
+  std::vector<std::size_t> which;
+  std::vector<Vec3> finite;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (points[i].allFinite()) which.push_back(i), finite.push_back(points[i]);
+    else out[i] = evaluate(points[i]);
+  }
+  std::vector<Blend> blends(finite.size());
+  std::vector<std::optional<detail::Relative>> found(finite.size());
+  for (const Term& t : terms) {
+    if (!(t.weight > 0)) continue;
+    const bool together = t.source && t.source->togetherIsQuicker(finite.size());
+    if (together) t.source->at(finite, found);
+    parallelFor(finite.size(), 512, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t j = begin; j < end; ++j) {
+        const auto near = !together ? t.at(finite[j], t.reach()) : found[j] ? found[j] : t.exactAt(finite[j], t.reach());
+        if (near) add(t, *near, blends[j]);
+      }
+    });
+  }
+  parallelFor(finite.size(), 512, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t j = begin; j < end; ++j) {
+      FieldValue value;
+      value.pseudoDistance = kInfinity;
+      if (!finish(blends[j], value)) beyond(finite[j], value);
+      out[which[j]] = value;
+    }
+  });
+}
+
 Field::Field(const skeleton::Skeleton& skeleton, const FieldOptions& options, Points around) {
   options.validate();
   skeleton::validate(skeleton);
@@ -283,9 +324,18 @@ FieldValue Field::evaluate(const Vec3& point) const { return impl_->evaluate(poi
 void Field::evaluate(Points points, std::span<FieldValue> out) const {
   if (points.size() != out.size())
     throw std::invalid_argument(fmt::format("out: {} elements, expected {}", out.size(), points.size()));
-  parallelFor(points.size(), 512, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) out[i] = impl_->evaluate(points[i]);
-  });
+  for (std::size_t first = 0; first < points.size(); first += kMany) {
+    const std::size_t n = std::min(kMany, points.size() - first);
+    const Points some = points.subspan(first, n);
+    const std::span<FieldValue> values = out.subspan(first, n);
+    if (impl_->manyAreQuicker(n)) {
+      impl_->evaluateMany(some, values);
+      continue;
+    }
+    parallelFor(n, 512, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) values[i] = impl_->evaluate(some[i]);
+    });
+  }
 }
 
 void Field::evaluateTogether(Points points, std::span<FieldValue> out, SearchHints& hints, std::span<Foot> feet) const {

@@ -1,6 +1,7 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/numeric/detail/cholesky.h>
+#include <fielddeform/numeric/detail/cubic_many.h>
 #include <fielddeform/numeric/detail/cubic_sum.h>
 #include <fielddeform/numeric/rbf.h>
 #include <fmt/format.h>
@@ -17,6 +18,8 @@ namespace {
 constexpr double kMerge = 1e-9;  // centres closer than this, of the extent, are one
 constexpr double kFlat = 1e-9;   // thinner than this, of the greatest spread: a plane or a line
 constexpr std::size_t kLanes = detail::kCubicLanes;
+constexpr std::size_t kManyPoints = std::size_t{1} << 17, kManyCentres = 256;  // fewer are quicker one by one
+constexpr double kSlopeTolerance = 10;  // of gradients, in those of values
 
 using Column = std::vector<double>;
 
@@ -28,6 +31,8 @@ void requireInput(Points centres, Points values, const RbfOptions& o) {
     throw std::invalid_argument(fmt::format("centres: {} given, must be <= {}", centres.size(), o.maxCentres));
   if (!std::isfinite(o.smoothing) || !(o.smoothing >= 0))
     throw std::invalid_argument(fmt::format("smoothing is {}, must be finite and >= 0", o.smoothing));
+  if (!std::isfinite(o.tolerance) || !(o.tolerance >= 0))
+    throw std::invalid_argument(fmt::format("tolerance is {}, must be finite and >= 0", o.tolerance));
   for (std::size_t i = 0; i < centres.size(); ++i) {
     if (!centres[i].allFinite()) throw std::invalid_argument(fmt::format("centres: point {} is not finite", i));
     if (!values[i].allFinite()) throw std::invalid_argument(fmt::format("values: value {} is not finite", i));
@@ -100,16 +105,22 @@ struct Rbf::Impl {
   std::vector<double> blocks;  // see cubic_sum.h: the centres and their weights
   RbfReport report;
 
+  double tolerance = 0;        // of values, absolute
+
   std::vector<Vec3> centre;    // distinct, normalised
   std::vector<Vec3> value;     // means, in units
+  std::vector<Vec3> weight;    // of the centres
 
   void normalize(Points centres, Points values);
   std::vector<Column> polynomials(Mat3& axes, int& dimensions) const;
   void solve(double smoothing);
-  void pack(const std::vector<Vec3>& weight);
+  void pack();
   Vec3 local(const Vec3& p) const { return (p - origin) * scale; }
   Vec3 at(const Vec3& q) const;
   double firstAt(const Vec3& q, Vec3& gradient) const;
+  bool isQuicker(std::size_t points) const { return points >= kManyPoints && centre.size() >= kManyCentres && tolerance > 0; }
+  template <class Take, class One>
+  bool together(Points points, std::size_t components, const Take& take, const One& one) const;
 };
 
 void Rbf::Impl::normalize(Points centres, Points values) {
@@ -194,7 +205,7 @@ void Rbf::Impl::solve(double smoothing) {
     factor = complement(ridge);
   }
 
-  std::vector<Vec3> weight(n, Vec3::Zero());
+  weight.assign(n, Vec3::Zero());
   Column f(n), g(n), w(n);
   for (int component = 0; component < 3; ++component) {
     for (std::size_t i = 0; i < n; ++i) f[i] = value[i][component];
@@ -221,11 +232,11 @@ void Rbf::Impl::solve(double smoothing) {
   for (Vec3& x : weight) x *= unit;
   constant *= unit;
   linear *= unit;
-  pack(weight);
+  pack();
   for (std::size_t i = 0; i < n; ++i) report.residual = std::max(report.residual, (at(centre[i]) - value[i] * unit).stableNorm());
 }
 
-void Rbf::Impl::pack(const std::vector<Vec3>& weight) {
+void Rbf::Impl::pack() {
   blocks.assign((centre.size() + kLanes - 1) / kLanes * detail::kCubicBlock, 0.0);
   for (std::size_t i = 0; i < centre.size(); ++i) {
     double* block = blocks.data() + i / kLanes * detail::kCubicBlock + i % kLanes;
@@ -246,10 +257,31 @@ Vec3 Rbf::Impl::at(const Vec3& q) const {
   return detail::cubicSums(blocks.data(), blocks.size() / detail::kCubicBlock, q) + (constant + linear * q);
 }
 
+// Calls take(i, q, sums of the radial terms), or one(i) where there are none to be had; false: not worth while.
+template <class Take, class One>
+bool Rbf::Impl::together(Points points, std::size_t components, const Take& take, const One& one) const {
+  if (!isQuicker(points.size())) return false;
+  constexpr std::size_t kAtOnce = std::size_t{1} << 20;  // points: bounds the memory
+  std::vector<Vec3> q;
+  for (std::size_t first = 0; first < points.size(); first += kAtOnce) {
+    q.resize(std::min(kAtOnce, points.size() - first));
+    parallelFor(q.size(), 1024, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        q[i] = local(points[first + i]);
+        if (!detail::takesCubicMany(q[i])) one(first + i);
+      }
+    });
+    detail::cubicMany({centre, weight, components}, q, {tolerance, kSlopeTolerance * tolerance},
+                      [&](std::size_t i, const double* sums) { take(first + i, q[i], sums); });
+  }
+  return true;
+}
+
 Rbf::Rbf(Points centres, Points values, const RbfOptions& options) : impl_(std::make_unique<Impl>()) {
   requireInput(centres, values, options);
   impl_->normalize(centres, values);
   impl_->solve(options.smoothing);
+  impl_->tolerance = options.tolerance * impl_->unit;
 }
 Rbf::~Rbf() = default;
 Rbf::Rbf(Rbf&&) noexcept = default;
@@ -258,6 +290,8 @@ Rbf& Rbf::operator=(Rbf&&) noexcept = default;
 const RbfReport& Rbf::report() const noexcept { return impl_->report; }
 
 Vec3 Rbf::evaluate(const Vec3& point) const { return impl_->at(impl_->local(point)); }
+
+bool Rbf::togetherIsQuicker(std::size_t points) const noexcept { return impl_->isQuicker(points); }
 
 double Rbf::first(const Vec3& point, Vec3& gradient) const {
   const double value = impl_->firstAt(impl_->local(point), gradient);
@@ -280,8 +314,29 @@ Mat3 Rbf::jacobian(const Vec3& point) const {
 void Rbf::evaluate(Points points, std::span<Vec3> out) const {
   if (points.size() != out.size())
     throw std::invalid_argument(fmt::format("out: {} elements, expected {}", out.size(), points.size()));
+  const auto one = [&](std::size_t i) { out[i] = evaluate(points[i]); };
+  const auto take = [&](std::size_t i, const Vec3& q, const double* sums) {
+    out[i] = Vec3(sums[0], sums[1], sums[2]) + (impl_->constant + impl_->linear * q);
+  };
+  if (impl_->together(points, 3, take, one)) return;
   parallelFor(points.size(), 64, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) out[i] = evaluate(points[i]);
+    for (std::size_t i = begin; i < end; ++i) one(i);
+  });
+}
+
+void Rbf::first(Points points, std::span<double> values, std::span<Vec3> gradients) const {
+  if (points.size() != values.size() || points.size() != gradients.size())
+    throw std::invalid_argument(
+        fmt::format("values and gradients: {} and {} elements, expected {}", values.size(), gradients.size(), points.size()));
+  const auto one = [&](std::size_t i) { values[i] = first(points[i], gradients[i]); };
+  const Vec3 slope = impl_->linear.row(0).transpose();
+  const auto take = [&](std::size_t i, const Vec3& q, const double* sums) {
+    values[i] = sums[0] + (impl_->constant.x() + slope.dot(q));
+    gradients[i] = impl_->scale * (Vec3(sums[1], sums[2], sums[3]) + slope);
+  };
+  if (impl_->together(points, 1, take, one)) return;
+  parallelFor(points.size(), 64, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) one(i);
   });
 }
 

@@ -1,6 +1,7 @@
 #include <fielddeform/field/field.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "skeletons.h"
@@ -140,6 +141,32 @@ TEST(Variational, BeyondThePrimitivesReachItIsTheExactDistance) {
         EXPECT_FALSE(field.evaluate(x).inside);
       }
     }
+}
+
+// Taken together, many points share what far centres add.
+TEST(Variational, ManyPointsTogetherAreThePointsOneByOne) {
+  Primitive heavy = cube("heavy", 0.3, 0.6, Vec3(0.6, 0, 0));
+  heavy.weight = 2;
+  const Skeleton skeleton = of({polyline("l", wavyLine(12), 0.5), heavy, pointSet("few", {{0, 0.8, 0}}, 0.3)});
+  const Field field(skeleton, fitted(700));
+  std::vector<Vec3> points(140000);
+  for (std::size_t i = 0; i < points.size(); ++i) points[i] = randomPoint(36, i, i % 50 ? 0.4 : 3);
+  points[5].x() = std::nan("");
+  std::vector<FieldValue> found(points.size());
+  field.evaluate(points, found);
+  EXPECT_EQ(found[5].pseudoDistance, field.evaluate(points[5]).pseudoDistance);
+  bool differs = false;
+  for (std::size_t i = 0; i < points.size(); i += i < 100 ? 1 : 29) {
+    if (i == 5) continue;
+    const FieldValue one = field.evaluate(points[i]);
+    // 1e-8 of distances up to 0.7, which the potentials' slopes may amplify a few times.
+    EXPECT_NEAR(found[i].pseudoDistance, one.pseudoDistance, 3e-8);
+    EXPECT_NEAR(found[i].sum, one.sum, 1e-6);
+    EXPECT_LT((found[i].gradient - one.gradient).norm(), 1e-5);
+    EXPECT_EQ(found[i].inside, one.inside);
+    differs = differs || found[i].pseudoDistance != one.pseudoDistance;
+  }
+  EXPECT_TRUE(differs);
 }
 
 TEST(Variational, PowersOfTwoScaleEveryBit) {

@@ -21,6 +21,12 @@ class DistanceSource {
   virtual ~DistanceSource() = default;
   /// Nothing: the exact distance is to be taken here.
   virtual std::optional<Relative> at(const Vec3& point) const = 0;
+  /// Whether at() of so many points is quicker together.
+  virtual bool togetherIsQuicker(std::size_t) const { return false; }
+  /// at() of many finite points, in parallel, where that is quicker: equal to within what the source says.
+  virtual void at(Points points, std::span<std::optional<Relative>> out) const {
+    for (std::size_t i = 0; i < points.size(); ++i) out[i] = at(points[i]);
+  }
 };
 
 inline Relative exactRelative(const PrimitiveDistance& distance, const PrimitiveHit& hit) {

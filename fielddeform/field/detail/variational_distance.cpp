@@ -31,22 +31,50 @@ class VariationalDistance final : public DistanceSource {
   }
 
   std::optional<Relative> at(const Vec3& point) const override {
+    const auto exact = exactAt(point);
+    if (!exact || !(std::abs(exact->value) < kFadeTo)) return exact;
+    Vec3 gradient;
+    const double value = dense_ ? dense_->first(point, gradient) : compact_->evaluate(point, gradient);
+    return faded(value, gradient, *exact);
+  }
+
+  bool togetherIsQuicker(std::size_t points) const override { return dense_ && dense_->togetherIsQuicker(points); }
+
+  void at(Points points, std::span<std::optional<Relative>> out) const override {
+    parallelFor(points.size(), 512, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) out[i] = exactAt(points[i]);
+    });
+    std::vector<std::size_t> which;
+    std::vector<Vec3> some;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (out[i] && std::abs(out[i]->value) < kFadeTo) {
+        which.push_back(i);
+        some.push_back(points[i]);
+      }
+    std::vector<double> values(some.size());
+    std::vector<Vec3> gradients(some.size());
+    dense_->first(some, values, gradients);
+    parallelFor(some.size(), 4096, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t j = begin; j < end; ++j) out[which[j]] = faded(values[j], gradients[j], *out[which[j]]);
+    });
+  }
+
+ private:
+  // Beyond its constraints the fit means nothing: the exact distance says where that is.
+  std::optional<Relative> exactAt(const Vec3& point) const {
     if (!box_.contains(point)) return std::nullopt;
-    // Beyond its constraints the fit means nothing: the exact distance says where that is.
     const auto hit = distance_.closest(point, kFadeTo * radius_);
     if (!hit) return std::nullopt;
-    const Relative exact = exactRelative(distance_, *hit);
+    return exactRelative(distance_, *hit);
+  }
+  // What was fitted, going over to the exact distance.
+  Relative faded(double value, const Vec3& gradient, const Relative& exact) const {
+    const Relative fitted{value / radius_, gradient / radius_};
     const double depth = std::abs(exact.value);  // also deep inside a solid
-    if (depth >= kFadeTo) return exact;
-    Relative fitted;
-    fitted.value = (dense_ ? dense_->first(point, fitted.gradient) : compact_->evaluate(point, fitted.gradient)) / radius_;
-    fitted.gradient /= radius_;
     if (depth <= kFadeFrom) return fitted;
     const double unit = 1 / (kFadeTo - kFadeFrom);
     return mix(fitted, exact, unit * (depth - kFadeFrom), std::copysign(unit, exact.value) * exact.gradient);
   }
-
- private:
   void fitDense(const Stencil& s, const VariationalOptions& options, DistanceReport& report) {
     std::vector<Vec3> values(s.points.size());
     for (std::size_t i = 0; i < values.size(); ++i) values[i] = Vec3(s.values[i], 0, 0);
