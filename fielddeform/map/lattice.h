@@ -81,6 +81,7 @@ class LatticeMap final : public LinearMap {
   Inverse inverse(const Vec3& target, const Vec3& start, double tolerance) const;
 
   std::shared_ptr<const Binding> bind(Points rest) const override;
+  std::shared_ptr<const Binding> bindView(Points rest) const override;
   void apply(const Binding& binding, MapOutput out, Progress& progress) const override;
   void jacobians(const Binding& binding, std::span<Mat3> out) const override;
   std::size_t nodeCount() const override;

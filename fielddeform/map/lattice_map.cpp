@@ -47,19 +47,21 @@ void forBlocks(const LatticeModel& model, std::size_t begin, std::size_t end, Bl
 void sumOf(const LatticeModel& model, const LatticeBinding& bound, std::size_t begin, std::size_t count, const Vec3* values,
            LatticeModel::Scratch& scratch, Vec3* out) {
   model.weights(bound, begin, count, scratch);
-  detail::combine(model.shape(), count, model.cells(bound, begin), scratch.weight.data(), values, scratch.rows.data(), out);
+  detail::combine(model.shape(), count, model.cells(bound, begin, scratch), scratch.weight.data(), values, scratch.rows.data(), out);
 }
 
 // Adds displacements to points; a point whose image is not finite stays.
-void place(const LatticeBinding& bound, std::size_t begin, std::size_t count, const Vec3* d, const MapOutput& out) {
-  const Vec3* rest = &bound.rest[begin];
+void place(const LatticeBinding& bound, std::size_t begin, std::size_t count, const LatticeModel::Scratch& scratch, const Vec3* d,
+           const MapOutput& out) {
+  const Vec3* rest = &bound.points[begin];
+  const PointKind* kind = bound.isView() ? scratch.kind.data() : &bound.kind[begin];
   std::array<Vec3, kBlock> spare;
   Vec3* x = out.position.empty() ? spare.data() : &out.position[begin];
   const bool finite = detail::addDisplacements(count, rest, d, x);
   std::array<bool, kBlock> invalid{};
-  if (!finite || bound.special[begin / kBlock])
+  if (!finite || bound.isView() || bound.special[begin / kBlock])
     for (std::size_t p = 0; p < count; ++p) {
-      invalid[p] = bound.kind[begin + p] == PointKind::Invalid || !x[p].allFinite();
+      invalid[p] = kind[p] == PointKind::Invalid || !x[p].allFinite();
       if (invalid[p]) x[p] = rest[p];
     }
   if (!out.safe.empty()) std::copy(x, x + count, &out.safe[begin]);
@@ -124,6 +126,7 @@ std::shared_ptr<const Binding> LatticeMap::bind(Points rest) const {
   auto bound = std::make_shared<LatticeBinding>();
   bound->model = model_;
   bound->rest.assign(rest.begin(), rest.end());
+  bound->points = bound->rest;
   bound->t.resize(rest.size());
   if (!model_->oneCell()) bound->cell.resize(rest.size());
   bound->kind.resize(rest.size());
@@ -131,6 +134,13 @@ std::shared_ptr<const Binding> LatticeMap::bind(Points rest) const {
   bound->special.resize((rest.size() + kBlock - 1) / kBlock);
   for (std::size_t p = 0; p < rest.size(); ++p)
     if (bound->kind[p] != PointKind::Inside) bound->special[p / kBlock] = true;
+  return bound;
+}
+
+std::shared_ptr<const Binding> LatticeMap::bindView(Points rest) const {
+  auto bound = std::make_shared<LatticeBinding>();
+  bound->model = model_;
+  bound->points = rest;
   return bound;
 }
 
@@ -143,7 +153,7 @@ void LatticeMap::apply(const Binding& binding, MapOutput out, Progress& progress
     std::array<Vec3, kBlock> d;
     forBlocks(*model_, begin, end, [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) {
       sumOf(*model_, bound, b, count, displacements_->data(), scratch, d.data());
-      place(bound, b, count, d.data(), out);
+      place(bound, b, count, scratch, d.data(), out);
     });
   });
 }
@@ -157,7 +167,7 @@ void LatticeMap::jacobians(const Binding& binding, std::span<Mat3> out) const {
     Cell cell;
     for (std::size_t p = begin; p < end; ++p) {
       out[p].setIdentity();
-      if (!model_->place(bound.rest[p], cell, scratch.weight.data(), scratch.slope.data())) continue;
+      if (!model_->place(bound.points[p], cell, scratch.weight.data(), scratch.slope.data())) continue;
       const Mat3 d = model_->derivative(cell, scratch.weight.data(), scratch.slope.data(), displacements_->data()) * toBox;
       if (d.allFinite()) out[p] += d;
     }
@@ -174,7 +184,7 @@ namespace {
 void addRows(const LatticeModel& model, const LatticeBinding& bound, std::size_t begin, std::size_t count, LatticeModel::Scratch& scratch, SparseRows& rows) {
   const detail::Shape& shape = model.shape();
   model.weights(bound, begin, count, scratch);
-  const Cell* cell = model.cells(bound, begin);
+  const Cell* cell = model.cells(bound, begin, scratch);
   for (std::size_t p = 0; p < count; ++p) {
     const double* w = &scratch.weight[p * shape.stride];
     for (std::size_t k = 0; k < shape.support[2]; ++k)
@@ -231,8 +241,7 @@ void gatherBySlabs(const LatticeModel& model, const LatticeBinding& bound, Point
   std::size_t step = 1;
   for (std::size_t a = 0; a < axis; ++a) step *= shape.nodes[a];
   const auto slabOf = [&](std::size_t p) {
-    const Index first = bound.cell.empty() ? 0 : bound.cell[p].first;
-    return first / step % shape.nodes[axis] / width;
+    return model.firstNode(bound, p) / step % shape.nodes[axis] / width;
   };
   std::vector<std::size_t> start(slabs + 1, 0);
   for (std::size_t p = 0; p < bound.size(); ++p) ++start[slabOf(p) + 1];
@@ -269,7 +278,7 @@ void LatticeMap::gather(const Binding& binding, Points pointValues, std::span<Ve
     const std::size_t end = std::min(bound.size(), blocks * (c + 1) / chunks * kBlock);
     forBlocks(*model_, blocks * c / chunks * kBlock, end, [&](std::size_t b, std::size_t count, LatticeModel::Scratch& scratch) {
       model_->weights(bound, b, count, scratch);
-      detail::scatter(model_->shape(), count, model_->cells(bound, b), scratch.weight.data(), &pointValues[b],
+      detail::scatter(model_->shape(), count, model_->cells(bound, b, scratch), scratch.weight.data(), &pointValues[b],
                       scratch.rows.data(), &sums[c * nodes]);
     });
   });

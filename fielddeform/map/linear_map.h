@@ -28,6 +28,10 @@ class LinearMap : public SpaceMap {
   /// #N by 3, world: how far the nodes were moved from there.
   virtual Points displacements() const = 0;
 
+  /// bind() of points that outlive the binding and do not move: the same bits from it, without memory a point where the map can
+  /// find a point's places again at little cost (lattices). By default bind().
+  virtual std::shared_ptr<const Binding> bindView(Points rest) const { return bind(rest); }
+
   /// phi_i of every bound point: #P rows, #N columns, entries that are exactly 0 left out. Memory: 12 bytes an entry; meant
   /// for few points (targets) or few nodes; combine() and gather() need no matrix.
   virtual SparseRows basis(const Binding& binding) const = 0;

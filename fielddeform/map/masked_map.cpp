@@ -15,6 +15,16 @@ void checkSize(const char* name, std::size_t found, std::size_t expected) {
   if (found != expected) throw std::invalid_argument(fmt::format("{} has {} elements, expected {}", name, found, expected));
 }
 
+void checkMask(Points rest, std::span<const double> mask) {
+  checkSize("mask", mask.size(), rest.size());
+  for (std::size_t i = 0; i < mask.size(); ++i)
+    if (!std::isfinite(mask[i])) throw std::invalid_argument(fmt::format("mask[{}] is {}, must be finite", i, mask[i]));
+}
+
+bool isOne(std::span<const double> mask) {
+  return std::all_of(mask.begin(), mask.end(), [](double m) { return m == 1; });
+}
+
 }  // namespace
 
 struct MaskedMap::Bound final : Binding {
@@ -22,8 +32,10 @@ struct MaskedMap::Bound final : Binding {
   std::shared_ptr<const LinearMap> map;  ///< whose bindings fit: that of every withDisplacements()
   std::shared_ptr<const std::vector<Vec3>> owner;
   std::shared_ptr<const Binding> inner;
-  std::vector<Vec3> rest;
-  std::vector<double> mask;
+  Points rest;                    ///< those of ownRest, or the caller's
+  std::span<const double> mask;
+  std::vector<Vec3> ownRest;
+  std::vector<double> ownMask;
   bool ones = false;  ///< the mask is 1 everywhere
 };
 
@@ -53,18 +65,28 @@ const MaskedMap::Bound& MaskedMap::own(const Binding& binding) const {
 }
 
 std::shared_ptr<const Binding> MaskedMap::bind(Points rest, std::span<const double> mask) const {
-  checkSize("mask", mask.size(), rest.size());
-  for (std::size_t i = 0; i < mask.size(); ++i)
-    if (!std::isfinite(mask[i])) throw std::invalid_argument(fmt::format("mask[{}] is {}, must be finite", i, mask[i]));
+  checkMask(rest, mask);
   auto bound = std::make_shared<Bound>();
   bound->owner = restNodes_;
   bound->map = map_;
   bound->inner = map_->bind(rest);
-  bound->rest.assign(rest.begin(), rest.end());
-  bound->mask.assign(mask.begin(), mask.end());
+  bound->ownRest.assign(rest.begin(), rest.end());
+  bound->ownMask.assign(mask.begin(), mask.end());
   for (std::size_t i = 0; i < rest.size(); ++i)
-    if (!rest[i].allFinite()) bound->mask[i] = 0;
-  bound->ones = std::all_of(bound->mask.begin(), bound->mask.end(), [](double m) { return m == 1; });
+    if (!rest[i].allFinite()) bound->ownMask[i] = 0;
+  bound->rest = bound->ownRest, bound->mask = bound->ownMask;
+  bound->ones = isOne(bound->mask);
+  return bound;
+}
+
+std::shared_ptr<const Binding> MaskedMap::bindView(Points rest, std::span<const double> mask) const {
+  checkMask(rest, mask);
+  auto bound = std::make_shared<Bound>();
+  bound->owner = restNodes_;
+  bound->map = map_;
+  bound->inner = map_->bindView(rest);
+  bound->rest = rest, bound->mask = mask;
+  bound->ones = isOne(mask);
   return bound;
 }
 

@@ -22,6 +22,9 @@ class MaskedMap final : public LinearMap {
   /// @param mask #P, finite
   /// @throw std::invalid_argument if the counts differ or a number is not finite
   std::shared_ptr<const Binding> bind(Points rest, std::span<const double> mask) const;
+  /// The same of points and masks that outlive the binding and do not change. @param mask #P, finite, 0 where a point is not finite
+  std::shared_ptr<const Binding> bindView(Points rest, std::span<const double> mask) const;
+  using LinearMap::bindView;
   /// With mask 1 everywhere.
   std::shared_ptr<const Binding> bind(Points rest) const override;
 

@@ -13,6 +13,7 @@
 #include <sys/resource.h>
 
 #include <chrono>
+#include <utility>
 
 namespace fielddeform::scene {
 namespace {
@@ -175,21 +176,20 @@ class Runner {
     return mask;
   }
 
-  volume::LocalReport passOver(std::vector<Vec3>& position) {
-    if (!edges_) edges_.emplace(mesh_);
+  volume::LocalResult passOver(Points position) {
+    if (scene_.output.frames > 0 && !edges_) edges_.emplace(mesh_);  // else the pass makes its own, and gives them back in its middle
     if (weight_.empty()) weight_ = method_->falloffWeights(mesh_);
-    volume::LocalResult r = volume::preserveLocally(
-        {.rest = mesh_, .posed = position, .weight = weight_, .mask = volumeMask_, .edges = &*edges_}, scene_.volume->options, progress_);
-    position = std::move(r.position);
-    return std::move(r.report);
+    return volume::preserveLocally({.rest = mesh_, .posed = position, .weight = weight_, .mask = volumeMask_,
+                                    .edges = edges_ ? &*edges_ : nullptr}, scene_.volume->options, progress_);
   }
 
   // Statuses stay those of tracking; the pass reports by itself what it changed.
   void preserveVolume() {
     VolumePassReport& pass = result_.report.volume.pass.emplace();
     pass.options = scene_.volume->options;
-    const std::vector<Vec3> tracked = posed_.position;
-    pass.result = passOver(posed_.position);
+    volume::LocalResult passed = passOver(posed_.position);
+    const std::vector<Vec3> tracked = std::exchange(posed_.position, std::move(passed.position));
+    pass.result = std::move(passed.report);
     pass.foldsBefore = mesh::countFolds(mesh_, mesh_.positions(), tracked);
     std::vector<float> residual = posed_.residual;
     pass.residualBefore = maxAndP99(residual);
@@ -280,7 +280,7 @@ class Runner {
       progress_.throwIfCancelled();
       Posed posed = method_->poseAt(mesh_, static_cast<double>(k) / last, progress_);
       if (!mask_.empty()) applyMask(mask_, mesh_.positions(), posed.position, posed.status, posed.residual);
-      if (scene_.volume) passOver(posed.position);
+      if (scene_.volume) posed.position = passOver(posed.position).position;
       mesh::Mesh frame = mesh_;
       detail::writeOutput(frame, std::move(posed), output, file(k), progress_);
     }

@@ -1,6 +1,7 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/mesh/topology.h>
+#include <fielddeform/volume/detail/index_lists.h>
 #include <fielddeform/volume/surface_volume.h>
 #include <fmt/format.h>
 
@@ -18,10 +19,18 @@ void checkInput(Points rest, const std::vector<Index>& triangles, const std::vec
   if (triangles.size() % 3) throw std::invalid_argument("triangles: the indices are no whole triangles");
   if (!region.empty() && region.size() != triangles.size() / 3)
     throw std::invalid_argument(fmt::format("region: {} labels for {} triangles", region.size(), triangles.size() / 3));
-  for (const Index v : triangles)
-    if (v >= rest.size()) throw std::invalid_argument(fmt::format("triangles: vertex {} of {}", v, rest.size()));
-  for (const Index v : triangles)
-    if (!rest[v].allFinite()) throw std::invalid_argument(fmt::format("rest: vertex {} is not finite", v));
+  const std::size_t bad = deterministicReduce(
+      triangles.size(), 16 * kGrain, triangles.size(),
+      [&](std::size_t begin, std::size_t end) {
+        for (std::size_t c = begin; c < end; ++c)
+          if (triangles[c] >= rest.size() || !rest[triangles[c]].allFinite()) return c;
+        return triangles.size();
+      },
+      [](std::size_t a, std::size_t b) { return std::min(a, b); });
+  if (bad == triangles.size()) return;
+  const Index v = triangles[bad];
+  if (v >= rest.size()) throw std::invalid_argument(fmt::format("triangles: vertex {} of {}", v, rest.size()));
+  throw std::invalid_argument(fmt::format("rest: vertex {} is not finite", v));
 }
 
 /// "3-7, 7-9 and 4 more"
@@ -38,17 +47,18 @@ struct RegionEdges {
   Edges open, turned;  ///< used an odd number of times; used more often in one direction
 };
 
-/// Each region on its own: an edge between two regions is open in both.
+/// Each region on its own: an edge between two regions is open in both. @param regionOf  #T, or empty: all of region 0
 std::vector<RegionEdges> regionEdges(std::size_t vertices, std::span<const Index> triangles, std::span<const Index> regionOf,
                                      std::size_t regions) {
   std::vector<RegionEdges> out(regions);
   const mesh::EdgeTable table(vertices, triangles);
+  const auto regionAt = [&](Index corner) { return regionOf.empty() ? Index{0} : regionOf[corner / 3]; };
   for (std::size_t e = 0; e < table.size(); ++e) {
     const auto uses = table.uses(e);  // ascending corners, so region by region
     for (std::size_t i = 0; i < uses.size();) {
-      const Index r = regionOf[uses[i] / 3];
+      const Index r = regionAt(uses[i]);
       std::size_t forward = 0, count = 0;
-      for (; i < uses.size() && regionOf[uses[i] / 3] == r; ++i, ++count) forward += table.isForward(uses[i]);
+      for (; i < uses.size() && regionAt(uses[i]) == r; ++i, ++count) forward += table.isForward(uses[i]);
       if (count % 2) out[r].open.push_back(table.vertices(e));
       if (std::max(forward, count - forward) - std::min(forward, count - forward) > 1) out[r].turned.push_back(table.vertices(e));
     }
@@ -72,7 +82,14 @@ void refuse(const RegionEdges& edges, std::size_t r, std::size_t regions, bool e
 Vec3 centreOf(Points rest, std::span<const Index> triangles, const std::vector<std::array<Index, 2>>& rim) {
   Box box;
   if (rim.empty()) {
-    for (const Index v : triangles) box.extend(rest[v]);
+    box = deterministicReduce(
+        triangles.size(), 16 * kGrain, box,
+        [&](std::size_t begin, std::size_t end) {
+          Box some;
+          for (const Index v : triangles.subspan(begin, end - begin)) some.extend(rest[v]);
+          return some;
+        },
+        [](const Box& a, const Box& b) { return Box(a).extend(b); });
     return 0.5 * box.min() + 0.5 * box.max();
   }
   for (const auto& e : rim) box.extend(rest[e[0]]), box.extend(rest[e[1]]);
@@ -87,38 +104,16 @@ Vec3 centreOf(Points rest, std::span<const Index> triangles, const std::vector<s
 SurfaceVolume::SurfaceVolume(Points rest, std::vector<Index> triangles, std::vector<Index> region, Rims rims)
     : vertexCount_(rest.size()) {
   checkInput(rest, triangles, region);
-  if (region.empty()) region.assign(triangles.size() / 3, 0);
-  std::size_t regions = 0;
-  for (const Index r : region)
-    if (r != kNoIndex) regions = std::max<std::size_t>(regions, std::size_t{r} + 1);
-  if (regions == 0) regions = 1;  // said below: no triangles
-  if (regions > region.size() + 1) throw std::invalid_argument(fmt::format("region: label {} of {} triangles", regions - 1, region.size()));
-
-  first_.assign(regions + 1, 0);
-  for (const Index r : region)
-    if (r != kNoIndex) ++first_[r + 1];
-  std::partial_sum(first_.begin(), first_.end(), first_.begin());
-  triangles_.resize(3 * first_.back());
-  std::vector<Index> regionOf(first_.back());
-  std::vector<std::size_t> next(first_.begin(), first_.end() - 1);
-  for (std::size_t t = 0; t < region.size(); ++t) {
-    if (region[t] == kNoIndex) continue;
-    const std::size_t to = next[region[t]]++;
-    std::copy_n(triangles.begin() + static_cast<std::ptrdiff_t>(3 * t), 3, triangles_.begin() + static_cast<std::ptrdiff_t>(3 * to));
-    regionOf[to] = region[t];
+  std::vector<Index> regionOf;  // empty: all of region 0
+  if (region.empty()) {
+    first_ = {0, triangles.size() / 3};
+    triangles_ = std::move(triangles);
+  } else {
+    regionOf = sortByRegion(triangles, region);
+    triangles = {}, region = {};
   }
-  cornerStart_.assign(vertexCount_ + 1, 0);
-  for (const Index v : triangles_) ++cornerStart_[v + 1];
-  std::partial_sum(cornerStart_.begin(), cornerStart_.end(), cornerStart_.begin());
-  ring_.resize(triangles_.size()), ringRegion_.resize(triangles_.size()), ringTriangle_.resize(triangles_.size());
-  std::vector<std::size_t> place(cornerStart_.begin(), cornerStart_.end() - 1);
-  for (std::size_t t = 0; t < regionOf.size(); ++t)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::size_t to = place[triangles_[3 * t + k]]++;
-      ring_[to] = {triangles_[3 * t + (k + 1) % 3], triangles_[3 * t + (k + 2) % 3]};
-      ringRegion_[to] = regionOf[t];
-      ringTriangle_[to] = static_cast<Index>(t);
-    }
+  findCorners(regionOf);
+  const std::size_t regions = first_.size() - 1;
   const auto edges = everyEdgeHasItsReverse() ? std::vector<RegionEdges>(regions)
                                               : regionEdges(vertexCount_, triangles_, regionOf, regions);
   for (std::size_t r = 0; r < regions; ++r) {
@@ -129,16 +124,55 @@ SurfaceVolume::SurfaceVolume(Points rest, std::vector<Index> triangles, std::vec
   }
   std::sort(rim_.begin(), rim_.end());
   rim_.erase(std::unique(rim_.begin(), rim_.end()), rim_.end());
+  findVertices();
+}
 
-  // A vertex's corners come region by region, as the triangles do.
-  vertexStart_.assign(regions + 1, 0);
+// Sets first_ and triangles_. @return the triangles' regions, empty if there is but one
+std::vector<Index> SurfaceVolume::sortByRegion(std::span<const Index> triangles, std::span<const Index> region) {
+  std::size_t regions = 0;
+  for (const Index r : region)
+    if (r != kNoIndex) regions = std::max<std::size_t>(regions, std::size_t{r} + 1);
+  if (regions == 0) regions = 1;  // the caller says: no triangles
+  if (regions > region.size() + 1) throw std::invalid_argument(fmt::format("region: label {} of {} triangles", regions - 1, region.size()));
+  first_.assign(regions + 1, 0);
+  for (const Index r : region)
+    if (r != kNoIndex) ++first_[r + 1];
+  std::partial_sum(first_.begin(), first_.end(), first_.begin());
+  triangles_.resize(3 * first_.back());
+  std::vector<Index> regionOf(regions > 1 ? first_.back() : 0);
+  std::vector<std::size_t> next(first_.begin(), first_.end() - 1);
+  for (std::size_t t = 0; t < region.size(); ++t) {
+    if (region[t] == kNoIndex) continue;
+    const std::size_t to = next[region[t]]++;
+    std::copy_n(triangles.begin() + static_cast<std::ptrdiff_t>(3 * t), 3, triangles_.begin() + static_cast<std::ptrdiff_t>(3 * to));
+    if (!regionOf.empty()) regionOf[to] = region[t];
+  }
+  return regionOf;
+}
+
+void SurfaceVolume::findCorners(std::span<const Index> regionOf) {
+  detail::IndexLists corners = detail::makeIndexLists(vertexCount_, triangles_.size(), [&](std::size_t begin, std::size_t end, auto&& put) {
+    for (std::size_t c = begin; c < end; ++c) put(triangles_[c], static_cast<Index>(c));
+  });
+  cornerStart_ = std::move(corners.start);
+  ringTriangle_.corner = std::move(corners.item);
+  ringRegion_.resize(regionOf.empty() ? 0 : triangles_.size());
+  for (std::size_t i = 0; i < ringRegion_.size(); ++i) ringRegion_[i] = regionOf[ringTriangle_[i]];
+}
+
+// A vertex's corners come region by region, as the triangles do.
+void SurfaceVolume::findVertices() {
   const auto eachRegionOfVertex = [&](auto&& call) {
     for (std::size_t v = 0; v < vertexCount_; ++v) {
-      const auto own = ringRegions(v);
-      for (std::size_t i = 0; i < own.size(); ++i)
-        if (i == 0 || own[i] != own[i - 1]) call(v, own[i]);
+      if (ringRegion_.empty()) {
+        if (cornerStart_[v] != cornerStart_[v + 1]) call(v, Index{0});
+        continue;
+      }
+      for (std::size_t i = cornerStart_[v]; i < cornerStart_[v + 1]; ++i)
+        if (i == cornerStart_[v] || ringRegion_[i] != ringRegion_[i - 1]) call(v, ringRegion_[i]);
     }
   };
+  vertexStart_.assign(first_.size(), 0);
   eachRegionOfVertex([&](std::size_t, Index r) { ++vertexStart_[r + 1]; });
   std::partial_sum(vertexStart_.begin(), vertexStart_.end(), vertexStart_.begin());
   regionVertices_.resize(vertexStart_.back());
@@ -153,13 +187,13 @@ bool SurfaceVolume::everyEdgeHasItsReverse() const {
       [&](std::size_t begin, std::size_t end) {
         std::vector<std::array<Index, 2>> out, in;  // the other end and the region of edges that leave a vertex, and reach it
         for (std::size_t v = begin; v < end; ++v) {
-          const auto corners = ring(v);
-          const auto regions = ringRegions(v);
           out.clear(), in.clear();
-          for (std::size_t i = 0; i < corners.size(); ++i) {
-            if (corners[i][0] == v || corners[i][1] == v || corners[i][0] == corners[i][1]) return 0;  // no triangle: leave it to the table
-            out.push_back({corners[i][0], regions[i]}), in.push_back({corners[i][1], regions[i]});
-          }
+          bool whole = true;
+          forEachCorner(v, [&](Index b, Index c, Index r) {
+            whole = whole && b != v && c != v && b != c;
+            out.push_back({b, r}), in.push_back({c, r});
+          });
+          if (!whole) return 0;  // no triangle: leave it to the table
           std::sort(out.begin(), out.end()), std::sort(in.begin(), in.end());
           if (out != in) return 0;
         }
@@ -195,11 +229,8 @@ template <class Term>
 void SurfaceVolume::sumAround(std::span<const double> weight, std::span<Vec3> out, Term&& term) const {
   parallelFor(vertexCount_, kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
-      const auto corners = ring(v);
-      const auto regions = ringRegions(v);
       Vec3 sum = Vec3::Zero();
-      for (std::size_t i = 0; i < corners.size(); ++i)
-        sum += (weight.empty() ? 1.0 : weight[regions[i]]) * term(corners[i][0], corners[i][1], centre_[regions[i]]);
+      forEachCorner(v, [&](Index b, Index c, Index r) { sum += (weight.empty() ? 1.0 : weight[r]) * term(b, c, centre_[r]); });
       out[v] = sum / 6;
     }
   });

@@ -37,12 +37,15 @@ class SurfaceVolume {
   std::span<const Index> vertices(std::size_t region) const noexcept {
     return {regionVertices_.data() + vertexStart_[region], vertexStart_[region + 1] - vertexStart_[region]};
   }
-  /// Corners at a vertex: the two vertices that follow it in its triangle, and that triangle's region.
-  std::span<const std::array<Index, 2>> ring(std::size_t vertex) const noexcept {
-    return {ring_.data() + cornerStart_[vertex], cornerStart_[vertex + 1] - cornerStart_[vertex]};
-  }
-  std::span<const Index> ringRegions(std::size_t vertex) const noexcept {
-    return {ringRegion_.data() + cornerStart_[vertex], cornerStart_[vertex + 1] - cornerStart_[vertex]};
+  /// Corners at a vertex: call(b, c, region) with the two vertices that follow it in its triangle, and that triangle's region;
+  /// by ascending triangles.
+  template <class Call>
+  void forEachCorner(std::size_t vertex, Call&& call) const {
+    for (std::size_t i = cornerStart_[vertex]; i < cornerStart_[vertex + 1]; ++i) {
+      const Index corner = ringTriangle_.corner[i], t = corner - corner % 3;
+      const Index k = corner - t, b = k == 2 ? t : corner + 1, c = k == 0 ? t + 2 : corner - 1;
+      call(triangles_[b], triangles_[c], ringRegion_.empty() ? Index{0} : ringRegion_[i]);
+    }
   }
   const Vec3& centre(std::size_t region) const noexcept { return centre_[region]; }
   /// Vertices of boundary edges; empty if all regions are closed. Ascending.
@@ -64,6 +67,15 @@ class SurfaceVolume {
   std::array<double, 4> alongLine(Points x, Points d, std::size_t region = 0) const;
 
  private:
+  /// The corners at all vertices, as numbers in triangles_: read as their triangles.
+  struct RingTriangles {
+    std::vector<Index> corner;
+    Index operator[](std::size_t i) const noexcept { return corner[i] / 3; }
+  };
+
+  std::vector<Index> sortByRegion(std::span<const Index> triangles, std::span<const Index> region);
+  void findCorners(std::span<const Index> regionOf);
+  void findVertices();
   bool everyEdgeHasItsReverse() const;
   template <class Term>
   void sumAround(std::span<const double> weight, std::span<Vec3> out, Term&& term) const;
@@ -72,10 +84,10 @@ class SurfaceVolume {
   std::vector<Index> triangles_, rim_;
   std::vector<std::size_t> first_;  ///< #R+1, triangles
   std::vector<Vec3> centre_;
-  // The two other vertices of each corner at a vertex, for gradients that are gathered in a fixed order.
-  std::vector<std::size_t> cornerStart_;
-  std::vector<std::array<Index, 2>> ring_;
-  std::vector<Index> ringRegion_, ringTriangle_;  ///< of each corner; the latter in the order of triangles_
+  // The corners at each vertex, for gradients that are gathered in a fixed order.
+  std::vector<Index> cornerStart_;
+  RingTriangles ringTriangle_;
+  std::vector<Index> ringRegion_;  ///< of each corner; empty if there is but one region
   std::vector<std::size_t> vertexStart_;
   std::vector<Index> regionVertices_;
 };

@@ -34,7 +34,7 @@ LatticeModel::LatticeModel(const Lattice& l) : lattice_(l), shape_(l.axis), tabl
 
 LatticeModel::Scratch::Scratch(const LatticeModel& model, std::size_t points)
     : weight(points * model.shape_.stride), slope(model.shape_.stride),
-      rows(model.shape_.support[1] * model.shape_.support[2]), t(points), cell(points) {}
+      rows(model.shape_.support[1] * model.shape_.support[2]), t(points), cell(points), kind(points) {}
 
 // Where a point stands: in `t` its parameters, of clamped box coordinates.
 PointKind LatticeModel::locate(const Vec3& x, Vec3& t, Cell& cell) const {
@@ -75,8 +75,18 @@ void LatticeModel::bind(LatticeBinding& binding, std::size_t begin, std::size_t 
     binding.kind[p] = locate(binding.rest[p], binding.t[p], binding.cell.empty() ? one : binding.cell[p]);
 }
 
-const Cell* LatticeModel::cells(const LatticeBinding& binding, std::size_t begin) const {
-  return binding.cell.empty() ? kOneCell.data() : &binding.cell[begin];
+const Cell* LatticeModel::cells(const LatticeBinding& binding, std::size_t begin, const Scratch& scratch) const {
+  if (oneCell_) return kOneCell.data();
+  return binding.isView() ? scratch.cell.data() : &binding.cell[begin];
+}
+
+Index LatticeModel::firstNode(const LatticeBinding& b, std::size_t point) const {
+  if (oneCell_) return 0;
+  if (!b.isView()) return b.cell[point].first;
+  Vec3 t;
+  Cell cell;
+  locate(b.points[point], t, cell);
+  return cell.first;
 }
 
 // Axes without pieces: from the box coordinates.
@@ -108,24 +118,40 @@ void LatticeModel::finish(PointKind kind, const Vec3& rest, double* weight) cons
 }
 
 void LatticeModel::weights(const LatticeBinding& b, std::size_t begin, std::size_t count, Scratch& scratch) const {
+  if (b.isView()) return weightsOfView(b, begin, count, scratch);
   double* weight = scratch.weight.data();
-  if (pieces_) pieceWeights(table_, count, &b.t[begin], cells(b, begin), weight);
+  if (pieces_) pieceWeights(table_, count, &b.t[begin], cells(b, begin, scratch), weight);
   else
     for (std::size_t p = 0; p < count; ++p) weightsAt(b.t[begin + p], weight + p * shape_.stride);
   if (b.special[begin / kBlock])
-    for (std::size_t p = 0; p < count; ++p) finish(b.kind[begin + p], b.rest[begin + p], weight + p * shape_.stride);
+    for (std::size_t p = 0; p < count; ++p) finish(b.kind[begin + p], b.points[begin + p], weight + p * shape_.stride);
+}
+
+void LatticeModel::weightsOfView(const LatticeBinding& b, std::size_t begin, std::size_t count, Scratch& scratch) const {
+  double* weight = scratch.weight.data();
+  for (std::size_t p = 0; p < count; ++p) scratch.kind[p] = locate(b.points[begin + p], scratch.t[p], scratch.cell[p]);
+  if (pieces_) pieceWeights(table_, count, scratch.t.data(), cells(b, begin, scratch), weight);
+  else
+    for (std::size_t p = 0; p < count; ++p) weightsAt(scratch.t[p], weight + p * shape_.stride);
+  for (std::size_t p = 0; p < count; ++p) finish(scratch.kind[p], b.points[begin + p], weight + p * shape_.stride);
 }
 
 void LatticeModel::weightsOf(const LatticeBinding& b, std::span<const Index> points, Scratch& scratch) const {
   double* weight = scratch.weight.data();
   for (std::size_t p = 0; p < points.size(); ++p) {
-    scratch.t[p] = b.t[points[p]];
-    scratch.cell[p] = *cells(b, b.cell.empty() ? 0 : points[p]);
+    const Vec3& x = b.points[points[p]];
+    if (b.isView()) {
+      scratch.kind[p] = locate(x, scratch.t[p], scratch.cell[p]);
+    } else {
+      scratch.t[p] = b.t[points[p]];
+      scratch.cell[p] = *cells(b, points[p], scratch);
+      scratch.kind[p] = b.kind[points[p]];
+    }
   }
   if (pieces_) pieceWeights(table_, points.size(), scratch.t.data(), scratch.cell.data(), weight);
   else
     for (std::size_t p = 0; p < points.size(); ++p) weightsAt(scratch.t[p], weight + p * shape_.stride);
-  for (std::size_t p = 0; p < points.size(); ++p) finish(b.kind[points[p]], b.rest[points[p]], weight + p * shape_.stride);
+  for (std::size_t p = 0; p < points.size(); ++p) finish(scratch.kind[p], b.points[points[p]], weight + p * shape_.stride);
 }
 
 bool LatticeModel::place(const Vec3& x, Cell& cell, double* weight, double* slope) const {

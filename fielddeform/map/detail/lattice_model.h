@@ -9,8 +9,10 @@ namespace fielddeform::map::detail {
 enum class PointKind : std::uint8_t { Inside, Extended, Kept, Invalid };
 
 struct LatticeBinding final : Binding {
-  std::size_t size() const override { return rest.size(); }
+  std::size_t size() const override { return points.size(); }
+  bool isView() const noexcept { return t.size() != points.size(); }
   std::shared_ptr<const LatticeModel> model;
+  Points points;               // those of `rest`, or the caller's: then all of what follows is empty, and found for a block at a time
   std::vector<Vec3> rest;
   std::vector<Vec3> t;         // places among the pieces, or clamped box coordinates of axes without pieces
   std::vector<Cell> cell;      // empty if there is but one
@@ -34,6 +36,7 @@ class LatticeModel {
     std::vector<double> weight, slope, rows;
     std::vector<Vec3> t;
     std::vector<Cell> cell;
+    std::vector<PointKind> kind;
   };
 
   void bind(LatticeBinding& binding, std::size_t begin, std::size_t end) const;
@@ -42,7 +45,9 @@ class LatticeModel {
   /// The same for any points.
   void weightsOf(const LatticeBinding& binding, std::span<const Index> points, Scratch& scratch) const;
   /// Cells of the points that weights() was called for.
-  const Cell* cells(const LatticeBinding& binding, std::size_t begin) const;
+  const Cell* cells(const LatticeBinding& binding, std::size_t begin, const Scratch& scratch) const;
+  /// Cell::first of one point.
+  Index firstNode(const LatticeBinding& binding, std::size_t point) const;
   /// Weights and slopes (by box coordinates) of one point; false if it is kept or invalid.
   bool place(const Vec3& x, Cell& cell, double* weight, double* slope) const;
   /// Derivative of the sum of weighted values by box coordinates; its rows are the values' coordinates.
@@ -58,6 +63,7 @@ class LatticeModel {
   void weightsAt(const Vec3& t, double* weight) const;
   void extend(const Vec3& rest, double* weight) const;
   void finish(PointKind kind, const Vec3& rest, double* weight) const;
+  void weightsOfView(const LatticeBinding& binding, std::size_t begin, std::size_t count, Scratch& scratch) const;
 
   Lattice lattice_;
   std::vector<Vec3> rest_;

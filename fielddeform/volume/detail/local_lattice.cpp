@@ -3,23 +3,18 @@
 #include <fielddeform/volume/detail/local_lattice.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 namespace fielddeform::volume::detail {
 namespace {
 
+constexpr std::size_t kGrain = 8192;
 constexpr double kPadding = 0.02, kCellOverLength = 1.25, kThinnest = 1e-3;
 constexpr int kFewestCells = 3, kMostCells = 29;
 constexpr int kStencil = 7, kStencilSize = kStencil * kStencil * kStencil;  // functions overlap three nodes away
 
 int cellOf(double t, int cells) { return std::clamp(static_cast<int>(std::floor(t)), 0, cells - 1); }
-
-template <class Call>
-void eachMoved(const LocalParts& parts, Call&& call) {
-  for (const LocalPart& part : parts.part)
-    for (std::size_t i = 0; i < part.size(); ++i)
-      if (part.mask[i] > 0) call(part, i);
-}
 
 void chooseCells(LocalLattice& out, const Vec3& extent, double length, const std::optional<std::array<int, 3>>& nodes) {
   const double longest = extent.maxCoeff();
@@ -44,11 +39,15 @@ void findActive(LocalLattice& out, const LocalParts& parts) {
     return static_cast<std::size_t>(i) + static_cast<std::size_t>(out.cells[0]) *
            (static_cast<std::size_t>(j) + static_cast<std::size_t>(out.cells[1]) * static_cast<std::size_t>(k));
   };
-  eachMoved(parts, [&](const LocalPart& part, std::size_t v) {
-    int c[3];
-    for (int k = 0; k < 3; ++k) c[k] = cellOf((part.base[v][k] - out.lattice.box.origin[k]) / out.cell[k], out.cells[k]);
-    occupied[cellIndex(c[0], c[1], c[2])] = 1;
-  });
+  for (const LocalPart& part : parts.part)
+    parallelFor(part.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t v = begin; v < end; ++v) {
+        if (!(part.mask[v] > 0)) continue;
+        int c[3];
+        for (int k = 0; k < 3; ++k) c[k] = cellOf((part.base[v][k] - out.lattice.box.origin[k]) / out.cell[k], out.cells[k]);
+        std::atomic_ref(occupied[cellIndex(c[0], c[1], c[2])]).store(1, std::memory_order_relaxed);
+      }
+    });
   std::vector<std::uint8_t> active(out.lattice.nodeCount(), 0);
   for (int k = 0; k < out.cells[2]; ++k)
     for (int j = 0; j < out.cells[1]; ++j)
@@ -186,48 +185,73 @@ void addCell(StencilMatrix& m, const std::array<int, 3>& cell, const CellProduct
           products[(pairIndex(a % 4, b % 4) * kPairs + pairIndex(a / 4 % 4, b / 4 % 4)) * kPairs + pairIndex(a / 16, b / 16)];
 }
 
-struct CellPoint {
-  Vec3 t;         ///< in [-1, 1]^3 of its cell
-  double weight;  ///< a m^2
+// The moved vertices cell by cell, in their order.
+class CellPoints {
+ public:
+  CellPoints(const LocalLattice& l, const LocalParts& parts) : lattice_(l), parts_(parts) {
+    std::size_t count = 0;
+    for (const LocalPart& part : parts.part) first_.push_back(count), count += part.size();
+    const auto cellsX = static_cast<std::size_t>(l.cells[0]), cellsY = static_cast<std::size_t>(l.cells[1]);
+    lists_ = makeIndexLists(cellsX * cellsY * static_cast<std::size_t>(l.cells[2]), count, [&](std::size_t begin, std::size_t end, auto&& put) {
+      for (std::size_t p = partAt(begin); p < parts.part.size() && first_[p] < end; ++p) {
+        const LocalPart& part = parts.part[p];
+        for (std::size_t i = std::max(begin, first_[p]) - first_[p]; i < std::min(end - first_[p], part.size()); ++i) {
+          if (!(part.mask[i] > 0)) continue;
+          std::array<int, 3> c{};
+          for (int k = 0; k < 3; ++k) c[k] = cellOf((part.base[i][k] - l.lattice.box.origin[k]) / l.cell[k], l.cells[k]);
+          put(static_cast<Index>(static_cast<std::size_t>(c[0]) + cellsX * (static_cast<std::size_t>(c[1]) + cellsY * static_cast<std::size_t>(c[2]))),
+              static_cast<Index>(first_[p] + i));
+        }
+      }
+    });
+    for (std::size_t i = 0; i + 1 < lists_.start.size(); ++i)
+      if (!lists_[i].empty())
+        cell_.push_back({static_cast<int>(i % cellsX), static_cast<int>(i / cellsX % cellsY), static_cast<int>(i / cellsX / cellsY)}), list_.push_back(i);
+  }
+
+  const std::vector<std::array<int, 3>>& cells() const noexcept { return cell_; }
+  CellMoments moments(std::size_t cell) const {
+    CellMoments out{};
+    for (const Index point : lists_[list_[cell]]) {
+      const std::size_t p = partAt(point), i = point - first_[p];
+      const LocalPart& part = parts_.part[p];
+      Vec3 t;
+      for (int k = 0; k < 3; ++k) t[k] = 2 * ((part.base[i][k] - lattice_.lattice.box.origin[k]) / lattice_.cell[k] - cell_[cell][k]) - 1;
+      addMoments(out, t, part.area[i] * part.mask[i] * part.mask[i]);
+    }
+    return out;
+  }
+
+ private:
+  std::size_t partAt(std::size_t point) const {
+    return first_.size() == 1 ? 0 : static_cast<std::size_t>(std::upper_bound(first_.begin(), first_.end(), point) - first_.begin()) - 1;
+  }
+
+  const LocalLattice& lattice_;
+  const LocalParts& parts_;
+  std::vector<std::size_t> first_;  // point of every part
+  IndexLists lists_;                // points of every cell
+  std::vector<std::array<int, 3>> cell_;  // those with points
+  std::vector<std::size_t> list_;         // and their lists
 };
 
-// The moved vertices cell by cell, in the parts' order.
-struct CellPoints {
-  std::vector<std::array<int, 3>> cell;
-  std::vector<std::size_t> start{0};
-  std::vector<CellPoint> point;
-};
-CellPoints sortByCell(const LocalLattice& l, const LocalParts& parts) {
-  const auto cellsX = static_cast<std::size_t>(l.cells[0]), cellsY = static_cast<std::size_t>(l.cells[1]);
-  std::vector<std::size_t> at(cellsX * cellsY * static_cast<std::size_t>(l.cells[2]) + 1, 0);
-  const auto place = [&](const Vec3& p, std::array<int, 3>& c) {
-    for (int k = 0; k < 3; ++k) c[k] = cellOf((p[k] - l.lattice.box.origin[k]) / l.cell[k], l.cells[k]);
-    return static_cast<std::size_t>(c[0]) + cellsX * (static_cast<std::size_t>(c[1]) + cellsY * static_cast<std::size_t>(c[2]));
-  };
-  std::array<int, 3> c{};
-  eachMoved(parts, [&](const LocalPart& part, std::size_t v) { ++at[place(part.base[v], c) + 1]; });
-  CellPoints out;
-  for (std::size_t i = 0; i + 1 < at.size(); ++i) {
-    if (at[i + 1] > 0) {
-      out.cell.push_back({static_cast<int>(i % cellsX), static_cast<int>(i / cellsX % cellsY), static_cast<int>(i / cellsX / cellsY)});
-      out.start.push_back(out.start.back() + at[i + 1]);
-    }
-    at[i + 1] += at[i];
-  }
-  out.point.resize(at.back());
-  eachMoved(parts, [&](const LocalPart& part, std::size_t v) {
-    CellPoint& p = out.point[at[place(part.base[v], c)]++];
-    for (int k = 0; k < 3; ++k) p.t[k] = 2 * ((part.base[v][k] - l.lattice.box.origin[k]) / l.cell[k] - c[k]) - 1;
-    p.weight = part.area[v] * part.mask[v] * part.mask[v];
-  });
-  return out;
+Box boxOf(const LocalPart& part) {
+  return deterministicReduce(
+      part.size(), kGrain, Box(),
+      [&](std::size_t begin, std::size_t end) {
+        Box box;
+        for (std::size_t i = begin; i < end; ++i)
+          if (part.mask[i] > 0) box.extend(part.base[i]);
+        return box;
+      },
+      [](const Box& a, const Box& b) { return Box(a).extend(b); });
 }
 
 }  // namespace
 
 LocalLattice makeLattice(LocalParts& parts, double length, const std::optional<std::array<int, 3>>& nodes) {
   Box box;
-  eachMoved(parts, [&](const LocalPart& part, std::size_t i) { box.extend(part.base[i]); });
+  for (const LocalPart& part : parts.part) box.extend(boxOf(part));
   const Vec3 centre = box.center();
   const double longest = box.sizes().maxCoeff();
   LocalLattice out;
@@ -241,7 +265,7 @@ LocalLattice makeLattice(LocalParts& parts, double length, const std::optional<s
   out.lattice.box.axes = edges.asDiagonal();
   findActive(out, parts);
   out.map = std::make_shared<const map::MaskedMap>(std::make_shared<const map::LatticeMap>(out.lattice), out.active);
-  for (LocalPart& part : parts.part) part.binding = out.map->bind(part.base, part.mask);
+  for (LocalPart& part : parts.part) part.binding = out.map->bindView(part.base, part.mask);
   return out;
 }
 
@@ -267,20 +291,15 @@ SparseMatrix bendingMatrix(const LocalLattice& lattice) {
 
 SparseMatrix surfaceMatrix(const LocalLattice& l, const LocalParts& parts) {
   constexpr std::size_t kBatch = 512;  // cells whose products are held at a time
-  const CellPoints points = sortByCell(l, parts);
+  const CellPoints points(l, parts);
   StencilMatrix m(l);
-  std::vector<CellProducts> products(std::min(kBatch, points.cell.size()));
-  for (std::size_t first = 0; first < points.cell.size(); first += kBatch) {
-    const std::size_t count = std::min(kBatch, points.cell.size() - first);
+  std::vector<CellProducts> products(std::min(kBatch, points.cells().size()));
+  for (std::size_t first = 0; first < points.cells().size(); first += kBatch) {
+    const std::size_t count = std::min(kBatch, points.cells().size() - first);
     parallelFor(count, 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        CellMoments moments{};
-        for (std::size_t p = points.start[first + i]; p < points.start[first + i + 1]; ++p)
-          addMoments(moments, points.point[p].t, points.point[p].weight);
-        products[i] = productsOf(moments);
-      }
+      for (std::size_t i = begin; i < end; ++i) products[i] = productsOf(points.moments(first + i));
     });
-    for (std::size_t i = 0; i < count; ++i) addCell(m, points.cell[first + i], products[i]);
+    for (std::size_t i = 0; i < count; ++i) addCell(m, points.cells()[first + i], products[i]);
   }
   return m.matrix();
 }

@@ -16,7 +16,7 @@ struct LocalLattice {
 };
 
 /// @param nodes  per axis, or absent: cubic cells of h = 1.25 l, 3 to 29 on the longest axis
-/// Also binds the parts.
+/// Also binds the parts: they may be moved, not copied, as long as they are used with it.
 LocalLattice makeLattice(LocalParts& parts, double length, const std::optional<std::array<int, 3>>& nodes);
 
 /// The two terms of H = B^T diag(a) B + (l / h)^4 / N K, over the active nodes; both triangles.

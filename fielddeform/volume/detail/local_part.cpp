@@ -4,131 +4,207 @@
 #include <fielddeform/volume/detail/local_part.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
 
 namespace fielddeform::volume::detail {
 namespace {
 
+constexpr std::size_t kGrain = 8192, kFacesAtOnce = std::size_t{1} << 17;
 constexpr int kSmoothings = 10;
 constexpr double kLeastShare = 0.05, kLargestRatio = 4;
 
 double triangleArea(const Vec3& a, const Vec3& b, const Vec3& c) { return 0.5 * (b - a).cross(c - a).norm(); }
 
-// q = ln(A' / A) of every vertex near what moves.
-std::vector<double> logAreaRatios(const std::vector<double>& rest, const std::vector<double>& posed) {
-  std::vector<double> q(rest.size(), 0);
-  for (std::size_t v = 0; v < q.size(); ++v)
-    if (rest[v] > 0 && posed[v] > 0) q[v] = numeric::log(posed[v] / rest[v]);
-  return q;
+// Part of every component, kNoIndex for those that are not held.
+std::vector<Index> partOfComponent(const LocalEdit& e, const std::vector<ComponentVolumes::Value>& volumes) {
+  std::vector<Index> part(e.components.count(), kNoIndex);
+  for (Index s = 0; s < volumes.size(); ++s) part[volumes[s].component] = s;
+  return part;
+}
+Index partOfFace(const LocalEdit& e, const std::vector<Index>& part, std::size_t f) {
+  const Index c = e.components.ofFace[f];
+  return c == kNoIndex ? kNoIndex : part[c];
+}
+
+// A third of every triangle to its vertices, face by face: areas are found side by side, some faces at a time, then added.
+void addAreas(const LocalEdit& e, const std::vector<Index>& part, std::vector<double>& rest, std::vector<double>& posed) {
+  std::vector<std::array<double, 2>> thirds;
+  const auto eachTriangle = [&](std::size_t first, std::size_t begin, std::size_t end, auto&& call) {
+    for (std::size_t f = begin; f < end; ++f) {
+      if (partOfFace(e, part, f) == kNoIndex) continue;
+      std::size_t at = e.mesh.faceBegin(f) - e.mesh.faceBegin(first);
+      e.mesh.forEachTriangle(f, [&](Index i, Index j, Index k) { call(thirds[at++], i, j, k); });
+    }
+  };
+  for (std::size_t first = 0; first < e.mesh.faceCount(); first += kFacesAtOnce) {
+    const std::size_t count = std::min(kFacesAtOnce, e.mesh.faceCount() - first);
+    thirds.resize(e.mesh.faceBegin(first + count) - e.mesh.faceBegin(first));
+    parallelFor(count, kGrain, [&](std::size_t begin, std::size_t end) {
+      eachTriangle(first, first + begin, first + end, [&](std::array<double, 2>& third, Index i, Index j, Index k) {
+        third = {triangleArea(e.rest[i], e.rest[j], e.rest[k]) / 3, triangleArea(e.posed[i], e.posed[j], e.posed[k]) / 3};
+      });
+    });
+    eachTriangle(first, first, first + count, [&](const std::array<double, 2>& third, Index i, Index j, Index k) {
+      for (const Index v : {i, j, k}) rest[v] += third[0], posed[v] += third[1];
+    });
+  }
 }
 
 // Means over the ring and the vertex itself, of the moved vertices alone: those that stay keep theirs.
-void smooth(const LocalEdit& e, const std::vector<double>& mask, std::vector<double>& q) {
-  std::vector<double> next = q;
+std::vector<double> smoothed(const LocalEdit& e, const std::vector<double>& mask, const std::vector<double>& values) {
+  const IndexLists neighbours = e.neighbours();
+  std::vector<double> q = values, next = values;
   for (int i = 0; i < kSmoothings; ++i) {
-    parallelFor(q.size(), 8192, [&](std::size_t begin, std::size_t end) {
+    parallelFor(q.size(), kGrain, [&](std::size_t begin, std::size_t end) {
       for (std::size_t v = begin; v < end; ++v) {
         if (mask[v] == 0) continue;
         double sum = q[v];
-        for (const Index w : e.neighbours(static_cast<Index>(v))) sum += q[w];
-        next[v] = sum / static_cast<double>(1 + e.neighbours(static_cast<Index>(v)).size());
+        for (const Index w : neighbours[v]) sum += q[w];
+        next[v] = sum / static_cast<double>(1 + neighbours[v].size());
       }
     });
     std::swap(q, next);
   }
+  return q;
 }
 
 // s = (1 - kappa) + kappa (.05 + .95 min(4, r / mean r)): all alike where gains and losses cancel (a bend), where the volume
 // came from if it came from somewhere (a stretch).
-void setShares(LocalPart& part, const std::vector<double>& q, const std::vector<double>& smoothed, double sign) {
-  double net = 0, gross = 0, mean = 0, total = 0;
+void setShares(LocalPart& part, const AreaChanges& areas, double sign) {
+  struct Sums {
+    double net = 0, gross = 0, mean = 0, total = 0;
+  };
+  const auto r = [&](std::size_t i) { return std::max(0.0, sign * areas.smoothed[part.vertex[i]]); };
   part.share.assign(part.size(), 1);
-  std::vector<double> r(part.size());
-  for (std::size_t i = 0; i < part.size(); ++i) {
-    const double weight = part.area[i] * part.mask[i];
-    r[i] = std::max(0.0, sign * smoothed[part.vertex[i]]);
-    net += weight * q[part.vertex[i]];
-    gross += weight * std::abs(q[part.vertex[i]]);
-    mean += weight * r[i];
-    total += weight;
-  }
-  if (!(gross > 0 && total > 0 && mean > 0)) return;
-  mean /= total;
-  const double kappa = std::abs(net) / gross;
-  for (std::size_t i = 0; i < part.size(); ++i)
-    part.share[i] = (1 - kappa) + kappa * (kLeastShare + (1 - kLeastShare) * std::min(kLargestRatio, r[i] / mean));
+  const Sums sums = deterministicReduce(
+      part.size(), kGrain, Sums(),
+      [&](std::size_t begin, std::size_t end) {
+        Sums s;
+        for (std::size_t i = begin; i < end; ++i) {
+          const double weight = part.area[i] * part.mask[i], q = areas.logRatio[part.vertex[i]];
+          s.net += weight * q;
+          s.gross += weight * std::abs(q);
+          s.mean += weight * r(i);
+          s.total += weight;
+        }
+        return s;
+      },
+      [](const Sums& a, const Sums& b) { return Sums{a.net + b.net, a.gross + b.gross, a.mean + b.mean, a.total + b.total}; });
+  if (!(sums.gross > 0 && sums.total > 0 && sums.mean > 0)) return;
+  const double mean = sums.mean / sums.total, kappa = std::abs(sums.net) / sums.gross;
+  parallelFor(part.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      part.share[i] = (1 - kappa) + kappa * (kLeastShare + (1 - kLeastShare) * std::min(kLargestRatio, r(i) / mean));
+  });
 }
 
 // The part's vertices, ascending, and its triangles by their numbers among them. A part that is most of the mesh is marked, not
 // sorted: there may be as many small ones as components.
-void numberVertices(LocalPart& part, std::vector<Index>& local) {
-  if (part.triangles.size() > local.size()) {
-    std::vector<std::uint8_t> used(local.size(), 0);
-    for (const Index v : part.triangles) used[v] = 1;
+void numberVertices(LocalPart& part, std::vector<Index>& triangles, std::size_t n, std::vector<Index>& local) {
+  if (triangles.size() > n) {
+    std::vector<std::uint8_t> used(n, 0);
+    parallelFor(triangles.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t c = begin; c < end; ++c) std::atomic_ref(used[triangles[c]]).store(1, std::memory_order_relaxed);
+    });
     part.vertex.reserve(static_cast<std::size_t>(std::count(used.begin(), used.end(), 1)));
     for (Index v = 0; v < used.size(); ++v)
       if (used[v]) part.vertex.push_back(v);
   } else {
-    part.vertex = part.triangles;
+    part.vertex = triangles;
     std::sort(part.vertex.begin(), part.vertex.end());
     part.vertex.erase(std::unique(part.vertex.begin(), part.vertex.end()), part.vertex.end());
   }
+  if (part.size() == n) return;  // by the mesh's own numbers
+  local.resize(n);
   for (Index i = 0; i < part.size(); ++i) local[part.vertex[i]] = i;
-  for (Index& v : part.triangles) v = local[v];
+  parallelFor(triangles.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t c = begin; c < end; ++c) triangles[c] = local[triangles[c]];
+  });
 }
 
-// How many triangles of every held component have a vertex that may move.
-void reserveTriangles(const LocalEdit& e, const LocalMask& mask, const std::vector<Index>& slot, LocalParts& out) {
-  std::vector<std::size_t> count(out.part.size(), 0);
-  for (std::size_t f = 0; f < e.mesh.faceCount(); ++f) {
-    const Index c = e.components.ofFace[f];
-    if (c == kNoIndex || slot[c] == kNoIndex) continue;
-    e.mesh.forEachTriangle(f, [&](Index i, Index j, Index k) { count[slot[c]] += mask.value[i] > 0 || mask.value[j] > 0 || mask.value[k] > 0; });
+struct Count {
+  std::size_t n = 0;
+  Count& operator+=(const Count& o) { return n += o.n, *this; }
+};
+
+// Every part's triangles with a vertex that may move, by the mesh's vertices.
+std::vector<std::vector<Index>> trianglesOf(const LocalEdit& e, const LocalMask& mask, const std::vector<Index>& part, std::size_t parts) {
+  const auto moves = [&](Index i, Index j, Index k) { return mask.value[i] > 0 || mask.value[j] > 0 || mask.value[k] > 0; };
+  const auto counts = sumByComponent<Count>(parts, e.mesh.faceCount(), [&](std::size_t begin, std::size_t end, Count* row) {
+    for (std::size_t f = begin; f < end; ++f)
+      if (const Index p = partOfFace(e, part, f); p != kNoIndex)
+        e.mesh.forEachTriangle(f, [&](Index i, Index j, Index k) { row[p].n += moves(i, j, k); });
+  });
+  std::vector<std::vector<Index>> out(parts);
+  if (parts == 1 && e.mesh.allTriangles() && counts[0].n == e.mesh.faceCount()) {
+    out[0] = e.mesh.corners();
+    return out;
   }
-  for (std::size_t s = 0; s < count.size(); ++s) out.part[s].triangles.reserve(3 * count[s]);
+  for (std::size_t p = 0; p < parts; ++p) out[p].reserve(3 * counts[p].n);
+  for (std::size_t f = 0; f < e.mesh.faceCount(); ++f)
+    if (const Index p = partOfFace(e, part, f); p != kNoIndex)
+      e.mesh.forEachTriangle(f, [&](Index i, Index j, Index k) {
+        if (moves(i, j, k)) out[p].insert(out[p].end(), {i, j, k});
+      });
+  return out;
+}
+
+void copyVertices(LocalPart& part, const LocalEdit& e, const LocalMask& mask, const AreaChanges& areas, double total) {
+  part.base.resize(part.size()), part.mask.resize(part.size()), part.area.resize(part.size());
+  parallelFor(part.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Index v = part.vertex[i];
+      part.base[i] = e.posed[v];
+      part.mask[i] = mask.value[v];
+      part.area[i] = total > 0 ? areas.rest[v] / total : 0;
+    }
+  });
 }
 
 }  // namespace
 
-LocalParts makeParts(const LocalEdit& e, const LocalMask& mask, const std::vector<ComponentVolumes::Value>& volumes) {
+AreaChanges measureAreas(const LocalEdit& e, const LocalMask& mask, const std::vector<ComponentVolumes::Value>& volumes) {
+  AreaChanges out;
+  out.rest.assign(e.vertexCount(), 0), out.logRatio.assign(e.vertexCount(), 0);
+  addAreas(e, partOfComponent(e, volumes), out.rest, out.logRatio);
+  parallelFor(e.vertexCount(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      const double posed = out.logRatio[v];
+      out.logRatio[v] = out.rest[v] > 0 && posed > 0 ? numeric::log(posed / out.rest[v]) : 0;
+    }
+  });
+  out.smoothed = smoothed(e, mask.value, out.logRatio);
+  return out;
+}
+
+LocalParts makeParts(const LocalEdit& e, const LocalMask& mask, const std::vector<ComponentVolumes::Value>& volumes, AreaChanges areas) {
   const std::size_t n = e.vertexCount();
   LocalParts out;
   out.part.resize(volumes.size());
-  std::vector<Index> slot(e.components.count(), kNoIndex);
-  for (Index s = 0; s < volumes.size(); ++s) slot[volumes[s].component] = s;
-  reserveTriangles(e, mask, slot, out);
-  std::vector<double> rest(n, 0), posed(n, 0);
-  for (std::size_t f = 0; f < e.mesh.faceCount(); ++f) {
-    const Index c = e.components.ofFace[f];
-    if (c == kNoIndex || slot[c] == kNoIndex) continue;
-    e.mesh.forEachTriangle(f, [&](Index i, Index j, Index k) {
-      const double a = triangleArea(e.rest[i], e.rest[j], e.rest[k]) / 3, b = triangleArea(e.posed[i], e.posed[j], e.posed[k]) / 3;
-      for (const Index v : {i, j, k}) rest[v] += a, posed[v] += b;
-      if (mask.value[i] == 0 && mask.value[j] == 0 && mask.value[k] == 0) return;
-      for (const Index v : {i, j, k}) out.part[slot[c]].triangles.push_back(v);
-    });
-  }
   for (std::size_t v = 0; v < n; ++v)
-    if (mask.value[v] > 0) out.area += rest[v];
-  const std::vector<double> q = logAreaRatios(rest, posed);
-  std::vector<double> smoothed = q;
-  smooth(e, mask.value, smoothed);
-  std::vector<Index> local(n, kNoIndex);
+    if (mask.value[v] > 0) out.area += areas.rest[v];
+  std::vector<std::vector<Index>> triangles = trianglesOf(e, mask, partOfComponent(e, volumes), volumes.size());
+  std::vector<Index> local;
   for (std::size_t s = 0; s < out.part.size(); ++s) {
     LocalPart& part = out.part[s];
-    numberVertices(part, local);
-    part.base.reserve(part.size()), part.mask.reserve(part.size()), part.area.reserve(part.size());
-    for (const Index v : part.vertex) {
-      part.base.push_back(e.posed[v]);
-      part.mask.push_back(mask.value[v]);
-      part.area.push_back(out.area > 0 ? rest[v] / out.area : 0);
-    }
-    setShares(part, q, smoothed, (volumes[s].change() < 0) == (volumes[s].rest < 0) ? 1 : -1);
-    part.surface.emplace(part.base, part.triangles, std::vector<Index>{}, Rims::Fixed);
+    numberVertices(part, triangles[s], n, local);
+    copyVertices(part, e, mask, areas, out.area);
+    setShares(part, areas, (volumes[s].change() < 0) == (volumes[s].rest < 0) ? 1 : -1);
+  }
+  areas = {}, local = {};
+  for (std::size_t s = 0; s < out.part.size(); ++s) {
+    LocalPart& part = out.part[s];
+    part.surface.emplace(part.base, std::move(triangles[s]), std::vector<Index>{}, Rims::Fixed);
     part.before = part.surface->value(part.base);
     part.target = part.before - volumes[s].change();
   }
   return out;
+}
+
+LocalParts makeParts(const LocalEdit& e, const LocalMask& mask, const std::vector<ComponentVolumes::Value>& volumes) {
+  return makeParts(e, mask, volumes, measureAreas(e, mask, volumes));
 }
 
 }  // namespace fielddeform::volume::detail

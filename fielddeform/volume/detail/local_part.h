@@ -16,9 +16,8 @@ struct LocalPart {
   std::vector<double> mask;       ///< #P
   std::vector<double> area;       ///< #P, a third of the triangles around it, at rest, over the sum of all parts' moved vertices
   std::vector<double> share;      ///< #P, s: how much of the correction it takes
-  std::vector<Index> triangles;   ///< 3 each, of #P
-  std::optional<SurfaceVolume> surface;
-  std::shared_ptr<const map::Binding> binding;
+  std::optional<SurfaceVolume> surface;  ///< its triangles, of #P
+  std::shared_ptr<const map::Binding> binding;  ///< a view of `base` and `mask`
   double before = 0;              ///< volume at `base`, by `surface`
   double target = 0;
 
@@ -30,6 +29,16 @@ struct LocalParts {
   std::vector<LocalPart> part;
   double area = 0;
 };
+
+/// What the edit did to the areas around vertices, of the held components. The last that needs the mesh's edges.
+struct AreaChanges {
+  std::vector<double> rest;          ///< #V, a third of the triangles around each, scaled
+  std::vector<double> logRatio;      ///< #V, ln(A' / A)
+  std::vector<double> smoothed;      ///< #V, of it
+};
+AreaChanges measureAreas(const LocalEdit& edit, const LocalMask& mask, const std::vector<ComponentVolumes::Value>& volumes);
+
+LocalParts makeParts(const LocalEdit& edit, const LocalMask& mask, const std::vector<ComponentVolumes::Value>& volumes, AreaChanges areas);
 LocalParts makeParts(const LocalEdit& edit, const LocalMask& mask, const std::vector<ComponentVolumes::Value>& volumes);
 
 }  // namespace fielddeform::volume::detail

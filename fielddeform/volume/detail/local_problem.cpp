@@ -76,7 +76,7 @@ struct Joined {
 std::vector<Surface> levelsOf(const LocalParts& parts, const LocalLattice& lattice) {
   std::vector<mesh::Mesh> now;
   std::vector<std::vector<double>> mask;
-  for (const LocalPart& part : parts.part) now.emplace_back(part.base, part.triangles), mask.push_back(part.mask);
+  for (const LocalPart& part : parts.part) now.emplace_back(part.base, part.surface->triangles()), mask.push_back(part.mask);
   std::vector<Surface> levels;
   const auto largest = [&] {
     std::size_t most = 0;
@@ -109,7 +109,7 @@ Problem problemOf(const LocalParts& parts, const LocalLattice& lattice, std::sha
   Joined all;
   for (Index c = 0; c < parts.part.size(); ++c) {
     const LocalPart& part = parts.part[c];
-    all.add(part.base, part.mask, part.triangles, c);
+    all.add(part.base, part.mask, part.surface->triangles(), c);
   }
   problem.surface = all.bound(*lattice.map);
   // The volume of an open surface means something in its changes alone, and those do not depend on the caps.
@@ -132,11 +132,12 @@ bool solveDirectly(LocalSolve& solve, LocalParts& parts, const LocalLattice& lat
 }  // namespace
 
 LocalSolved solveLocally(const LocalEdit& edit, const LocalMask& mask, LocalParts& parts, const LocalLattice& lattice,
-                         const ComponentVolumes& volumes, const LocalOptions& options, Progress& progress) {
+                         const ComponentVolumes& volumes, const LocalOptions& options, Progress& progress,
+                         std::span<Vec3> displacement) {
   const bool springs = options.energy == LocalEnergy::Springs, augmented = options.solver == LocalSolver::AugmentedLagrangian;
   const SparseMatrix surface = surfaceMatrix(lattice, parts);
   const SparseMatrix matrix = surface + stiffness(lattice, mask.length, 4) * bendingMatrix(lattice);
-  LocalSolve solve(edit, parts, lattice, matrix, mask.free);
+  LocalSolve solve(edit, parts, lattice, matrix, surface, mask.free);
   LocalSolved out;
   bool met = false;
   if (!springs && !augmented) {
@@ -159,8 +160,7 @@ LocalSolved solveLocally(const LocalEdit& edit, const LocalMask& mask, LocalPart
     met = solve.iterate(1, options.tolerance, progress);
   }
   if (!met) throw InfeasibleError("no displacement of the part that the volume mask frees restores the volume; use a wider mask");
-  out.deviation = solve.polish(volumes);
-  out.displacement = solve.displacement();
+  out.deviation = solve.polish(volumes, displacement);
   return out;
 }
 

@@ -42,13 +42,6 @@ Vec3 rigid(int j, const Vec3& fromCentre) {
   return j < 3 ? Vec3(Vec3::Unit(j)) : Vec3(Vec3(Vec3::Unit(j - 3)).cross(fromCentre));
 }
 
-/// v x
-Mat3 skew(const Vec3& v) {
-  Mat3 m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 }  // namespace
 
 std::optional<double> rootNearest0(const std::array<double, 4>& c) {
@@ -81,38 +74,27 @@ std::optional<double> rootNearest0(const std::array<double, 4>& c) {
   return best;
 }
 
-Gauge::Gauge(const LocalParts& parts, const LocalLattice& lattice) {
+Gauge::Gauge(const LocalParts& parts, const LocalLattice& lattice, const SparseMatrix& surface) {
   for (const LocalPart& part : parts.part)
-    for (std::size_t i = 0; i < part.size(); ++i) centre_ += part.area[i] * part.base[i];
-  // Everything follows from the sums of a, a x and a x x^T: B^T a (e x x) = e x B^T a x.
+    centre_ += deterministicReduce(
+        part.size(), kGrain, Vec3(Vec3::Zero()),
+        [&](std::size_t begin, std::size_t end) {
+          Vec3 sum = Vec3::Zero();
+          for (std::size_t i = begin; i < end; ++i) sum += part.area[i] * part.base[i];
+          return sum;
+        },
+        [](const Vec3& a, const Vec3& b) { return Vec3(a + b); });
   const std::size_t n = lattice.active.size();
-  double area = 0;
-  Vec3 first = Vec3::Zero();
-  Mat3 second = Mat3::Zero();
-  for (int j = 0; j < 6; ++j) weighted_[j].assign(n, Vec3::Zero());
-  std::vector<Vec3> values, gathered(n);
-  for (const LocalPart& part : parts.part) {
-    values.resize(part.size());
-    for (std::size_t i = 0; i < part.size(); ++i) values[i] = Vec3(part.area[i], 0, 0);
-    lattice.map->gather(*part.binding, values, gathered);
-    for (std::size_t i = 0; i < n; ++i)
-      for (int j = 0; j < 3; ++j) weighted_[j][i][j] += gathered[i].x();
-    for (std::size_t i = 0; i < part.size(); ++i) {
-      const Vec3 x = part.base[i] - centre_;
-      values[i] = part.area[i] * x;
-      area += part.area[i];
-      first += values[i];
-      second += values[i] * x.transpose();
-    }
-    lattice.map->gather(*part.binding, values, gathered);
-    for (std::size_t i = 0; i < n; ++i)
-      for (int j = 3; j < 6; ++j) weighted_[j][i] += rigid(j, gathered[i]);
+  Eigen::MatrixX3d nodes(static_cast<Eigen::Index>(n), 3);
+  for (int j = 0; j < 6; ++j) {
+    for (const Vec3& node : lattice.map->restNodes()) nodes_[j].push_back(rigid(j, node - centre_));
+    for (std::size_t i = 0; i < n; ++i) nodes.row(static_cast<Eigen::Index>(i)) = nodes_[j][i].transpose();
+    const Eigen::MatrixX3d weighted = surface * nodes;
+    for (std::size_t i = 0; i < n; ++i) weighted_[j].push_back(weighted.row(static_cast<Eigen::Index>(i)).transpose());
   }
   Eigen::Matrix<double, 6, 6> square;
-  const Mat3 cross = skew(first);
-  square << area * Mat3::Identity(), -cross, cross, second.trace() * Mat3::Identity() - second;
-  for (int j = 0; j < 6; ++j)
-    for (const Vec3& node : lattice.map->restNodes()) nodes_[j].push_back(rigid(j, node - centre_));
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j <= i; ++j) square(i, j) = square(j, i) = dot(weighted_[j], nodes_[i]);
   // A straight or single-point part leaves motions undetermined: those are left alone.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(square);
   Vec6 inverted = Vec6::Zero();
@@ -121,10 +103,21 @@ Gauge::Gauge(const LocalParts& parts, const LocalLattice& lattice) {
   inverse_ = eigen.eigenvectors() * inverted.asDiagonal() * eigen.eigenvectors().transpose();
 }
 
-void Gauge::projectForce(const LocalPart& part, Points force, std::vector<Vec3>& gathered) const {
-  Vec6 work = Vec6::Zero();
-  for (std::size_t i = 0; i < force.size(); ++i)
-    for (int j = 0; j < 6; ++j) work[j] += force[i].dot(rigid(j, part.base[i] - centre_));
+Gauge::Vec6 Gauge::work(const LocalPart& part, Points force) const {
+  return deterministicReduce(
+      force.size(), kGrain, Vec6(Vec6::Zero()),
+      [&](std::size_t begin, std::size_t end) {
+        Vec6 sum = Vec6::Zero();
+        for (std::size_t i = begin; i < end; ++i) {
+          sum.head<3>() += force[i];
+          sum.tail<3>() += Vec3(part.base[i] - centre_).cross(force[i]);  // f . (e_j x r) = (r x f)_j
+        }
+        return sum;
+      },
+      [](const Vec6& a, const Vec6& b) { return Vec6(a + b); });
+}
+
+void Gauge::projectForce(const Vec6& work, std::vector<Vec3>& gathered) const {
   const Vec6 k = inverse_ * work;
   for (int j = 0; j < 6; ++j)
     for (std::size_t n = 0; n < gathered.size(); ++n) gathered[n] -= k[j] * weighted_[j][n];
@@ -139,13 +132,11 @@ void Gauge::projectMove(std::vector<Vec3>& y) const {
 }
 
 LocalSolve::LocalSolve(const LocalEdit& edit, LocalParts& parts, const LocalLattice& lattice, const SparseMatrix& matrix,
-                       bool free)
+                       const SparseMatrix& surface, bool free)
     : edit_(edit), parts_(parts), lattice_(lattice), factor_(matrix), direction_(parts.part.size()),
-      lambda_(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parts.part.size()))) {
+      lambda_(Eigen::VectorXd::Zero(static_cast<Eigen::Index>(parts.part.size()))), start_(parts.part.size()), x_(parts.part.size()) {
   if (factor_.info() != Eigen::Success) throw InfeasibleError("the volume lattice's equations are singular: use fewer nodes");
-  if (free) gauge_.emplace(parts, lattice);
-  for (const LocalPart& part : parts.part) start_.push_back(part.base);
-  x_ = last_ = start_;
+  if (free) gauge_.emplace(parts, lattice, surface);
 }
 
 void LocalSolve::startAt(Points displacements) {
@@ -153,10 +144,11 @@ void LocalSolve::startAt(Points displacements) {
   if (gauge_) gauge_->projectMove(y);
   for (std::size_t c = 0; c < parts_.part.size(); ++c) {
     const LocalPart& part = parts_.part[c];
+    start_[c].resize(part.size());
     lattice_.map->combine(*part.binding, y, start_[c]);
     for (std::size_t i = 0; i < part.size(); ++i) start_[c][i] += part.base[i];
+    x_[c] = {};
   }
-  x_ = last_ = start_;
 }
 
 void LocalSolve::aim() {
@@ -164,13 +156,15 @@ void LocalSolve::aim() {
   Eigen::MatrixX3d right(n, 3), solved;
   for (std::size_t c = 0; c < parts_.part.size(); ++c) {
     const LocalPart& part = parts_.part[c];
-    std::vector<Vec3> force(part.size());
-    part.surface->gradient(x_[c], {}, force);
-    for (std::size_t i = 0; i < force.size(); ++i) force[i] *= part.share[i];
+    work_.resize(part.size());
+    part.surface->gradient(positionsOf(c), {}, work_);
+    parallelFor(part.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) work_[i] *= part.share[i];
+    });
     Nodes& y = direction_[c];
     y.resize(lattice_.active.size());
-    lattice_.map->gather(*part.binding, force, y);
-    if (gauge_) gauge_->projectForce(part, force, y);
+    lattice_.map->gather(*part.binding, work_, y);
+    if (gauge_) gauge_->projectForce(gauge_->work(part, work_), y);
     for (Eigen::Index i = 0; i < n; ++i) right.row(i) = y[static_cast<std::size_t>(i)].transpose();
     solved = factor_.solve(right);
     for (Eigen::Index i = 0; i < n; ++i) y[static_cast<std::size_t>(i)] = solved.row(i).transpose();
@@ -187,27 +181,43 @@ LocalSolve::Nodes LocalSolve::total(const Eigen::VectorXd& lambda) const {
 
 void LocalSolve::moveBy(const Nodes& y) {
   for (std::size_t c = 0; c < parts_.part.size(); ++c) {
+    const Points start = startOf(c);
+    x_[c].resize(start.size());
     lattice_.map->combine(*parts_.part[c].binding, y, x_[c]);
-    for (std::size_t i = 0; i < x_[c].size(); ++i) x_[c][i] += start_[c][i];
+    for (std::size_t i = 0; i < x_[c].size(); ++i) x_[c][i] += start[i];
   }
 }
 
 bool LocalSolve::reachOne() {
   const LocalPart& part = parts_.part[0];
-  std::vector<Vec3> d(part.size());
-  lattice_.map->combine(*part.binding, direction_[0], d);
-  std::array<double, 4> cubic = part.surface->alongLine(start_[0], d);
+  const Points start = startOf(0), before = positionsOf(0);
+  work_.resize(part.size());
+  lattice_.map->combine(*part.binding, direction_[0], work_);
+  std::array<double, 4> cubic = part.surface->alongLine(start, work_);
   cubic[0] -= part.target;
   const auto t = rootNearest0(cubic);
   if (!t) return false;
   lambda_[0] = *t;
-  for (std::size_t i = 0; i < d.size(); ++i) x_[0][i] = start_[0][i] + *t * d[i];
+  change_ = deterministicReduce(
+      part.size(), kGrain, 0.0,
+      [&](std::size_t begin, std::size_t end) {
+        double square = 0;
+        for (std::size_t i = begin; i < end; ++i) {
+          work_[i] = start[i] + *t * work_[i];
+          square = std::max(square, (work_[i] - before[i]).squaredNorm());
+        }
+        return std::sqrt(square);
+      },
+      [](double a, double b) { return std::max(a, b); });
+  std::swap(x_[0], work_);
   return true;
 }
 
 // Newton's method on the lengths of all components' directions. A component hardly feels another's, so that few steps do.
 bool LocalSolve::reachAll() {
   const auto count = static_cast<Eigen::Index>(parts_.part.size());
+  std::vector<std::vector<Vec3>> before;
+  for (std::size_t c = 0; c < parts_.part.size(); ++c) before.emplace_back(positionsOf(c).begin(), positionsOf(c).end());
   const auto misses = [&](const Eigen::VectorXd& lambda) {
     moveBy(total(lambda));
     Eigen::VectorXd miss(count);
@@ -245,17 +255,13 @@ bool LocalSolve::reachAll() {
     if (!better) break;
   }
   misses(lambda_);
+  change_ = 0;
+  for (std::size_t c = 0; c < before.size(); ++c)
+    for (std::size_t i = 0; i < before[c].size(); ++i) change_ = std::max(change_, (x_[c][i] - before[c][i]).norm());
   return error(miss) <= 1e-11;  // rounding is left to polish()
 }
 
 bool LocalSolve::reach() { return parts_.part.size() == 1 ? reachOne() : reachAll(); }
-
-double LocalSolve::change() const {
-  double largest = 0;
-  for (std::size_t c = 0; c < x_.size(); ++c)
-    for (std::size_t i = 0; i < x_[c].size(); ++i) largest = std::max(largest, (x_[c][i] - last_[c][i]).norm());
-  return largest;
-}
 
 bool LocalSolve::iterate(int maxIterations, double tolerance, Progress& progress) {
   for (int i = 0; i < maxIterations; ++i) {
@@ -263,37 +269,28 @@ bool LocalSolve::iterate(int maxIterations, double tolerance, Progress& progress
     aim();
     if (!reach()) return false;
     ++iterations_;
-    if (change() < tolerance * edit_.size) break;
-    last_ = x_;
+    if (change_ < tolerance * edit_.size) break;
   }
   return true;
 }
 
-double LocalSolve::polish(const ComponentVolumes& volumes) {
-  std::vector<Vec3> posed = edit_.posed;
+double LocalSolve::polish(const ComponentVolumes& volumes, std::span<Vec3> displacement) {
   for (int i = 0;; ++i) {
     for (std::size_t c = 0; c < parts_.part.size(); ++c) {
       const LocalPart& part = parts_.part[c];
-      for (std::size_t k = 0; k < part.size(); ++k)
-        if (part.mask[k] > 0) posed[part.vertex[k]] = edit_.posed[part.vertex[k]] + (x_[c][k] - part.base[k]);
+      const Points x = positionsOf(c);
+      parallelFor(part.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t k = begin; k < end; ++k)
+          if (part.mask[k] > 0) displacement[part.vertex[k]] = x[k] - part.base[k];
+      });
     }
-    const auto values = volumes.measure(posed);
+    const auto values = volumes.measureDisplaced(displacement);
     double worst = 0;
     for (const auto& value : values) worst = std::max(worst, value.deviation());
     if (worst <= kPolished || i == kPolishes) return worst;
     for (std::size_t c = 0; c < values.size(); ++c) parts_.part[c].target -= values[c].change();
     if (!reach()) return worst;
   }
-}
-
-std::vector<Vec3> LocalSolve::displacement() const {
-  std::vector<Vec3> out(edit_.vertexCount(), Vec3::Zero());
-  for (std::size_t c = 0; c < parts_.part.size(); ++c) {
-    const LocalPart& part = parts_.part[c];
-    for (std::size_t i = 0; i < part.size(); ++i)
-      if (part.mask[i] > 0) out[part.vertex[i]] = x_[c][i] - part.base[i];
-  }
-  return out;
 }
 
 }  // namespace fielddeform::volume::detail

@@ -12,14 +12,17 @@ std::optional<double> rootNearest0(const std::array<double, 4>& c);
 /// What is held where nothing holds the moved surface: its six rigid motions R, in the measure a of the parts' areas.
 class Gauge {
  public:
-  Gauge(const LocalParts& parts, const LocalLattice& lattice);
-  /// B^T (f - a R (R^T a R)^-1 R^T f), given B^T f.
-  void projectForce(const LocalPart& part, Points force, std::vector<Vec3>& gathered) const;
+  using Vec6 = Eigen::Matrix<double, 6, 1>;
+  /// @param surface  surfaceMatrix(): the splines hold linear functions, B r = R, so that B^T a R is its product with r
+  Gauge(const LocalParts& parts, const LocalLattice& lattice, const SparseMatrix& surface);
+  /// R^T f
+  Vec6 work(const LocalPart& part, Points force) const;
+  /// B^T (f - a R (R^T a R)^-1 R^T f), given B^T f and R^T f.
+  void projectForce(const Vec6& work, std::vector<Vec3>& gathered) const;
   /// Takes the rigid motion out of node displacements y, so that R^T a B y = 0.
   void projectMove(std::vector<Vec3>& y) const;
 
  private:
-  using Vec6 = Eigen::Matrix<double, 6, 1>;
   Vec3 centre_ = Vec3::Zero();
   Eigen::Matrix<double, 6, 6> inverse_;
   std::array<std::vector<Vec3>, 6> weighted_;  ///< B^T a R_j
@@ -30,19 +33,20 @@ class Gauge {
 /// met to rounding.
 class LocalSolve {
  public:
-  /// @param matrix  H, symmetric positive definite
-  LocalSolve(const LocalEdit& edit, LocalParts& parts, const LocalLattice& lattice, const SparseMatrix& matrix, bool free);
+  /// @param matrix   H, symmetric positive definite
+  /// @param surface  its part of the surface: surfaceMatrix()
+  LocalSolve(const LocalEdit& edit, LocalParts& parts, const LocalLattice& lattice, const SparseMatrix& matrix,
+             const SparseMatrix& surface, bool free);
 
   /// Node displacements that the surface starts from (otherwise zero).
   void startAt(Points displacements);
   /// Steps as in the page's loop. @return false if some step has no real solution
   bool iterate(int maxIterations, double tolerance, Progress& progress);
   /// Corrects what rounding left, by the volumes of the surface that is handed out. @return the largest deviation
-  double polish(const ComponentVolumes& volumes);
+  /// @param displacement  #V by 3, scaled: how far every vertex is moved, written where the parts' masks are above 0
+  double polish(const ComponentVolumes& volumes, std::span<Vec3> displacement);
 
   int iterations() const noexcept { return iterations_; }
-  /// #V by 3, scaled: how far every vertex is moved.
-  std::vector<Vec3> displacement() const;
 
  private:
   using Nodes = std::vector<Vec3>;
@@ -52,7 +56,8 @@ class LocalSolve {
   bool reachAll();
   Nodes total(const Eigen::VectorXd& lambda) const;
   void moveBy(const Nodes& y);
-  double change() const;
+  Points startOf(std::size_t part) const { return start_[part].empty() ? Points(parts_.part[part].base) : Points(start_[part]); }
+  Points positionsOf(std::size_t part) const { return x_[part].empty() ? startOf(part) : Points(x_[part]); }
 
   const LocalEdit& edit_;
   LocalParts& parts_;
@@ -61,7 +66,9 @@ class LocalSolve {
   std::optional<Gauge> gauge_;
   std::vector<Nodes> direction_;              ///< y_c
   Eigen::VectorXd lambda_;
-  std::vector<std::vector<Vec3>> start_, x_, last_;  ///< of every part, by 3
+  std::vector<std::vector<Vec3>> start_, x_;  ///< of every part, by 3; empty: its base, and where it starts
+  std::vector<Vec3> work_;                    ///< of a part: forces, then displacements, then its next positions
+  double change_ = 0;                         ///< the longest move of the last step
   int iterations_ = 0;
 };
 

@@ -51,15 +51,13 @@ void gradient(const SurfaceVolume& surface, std::size_t region, const Point& poi
   const auto own = surface.vertices(region);
   parallelFor(own.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
-      const auto corners = surface.ring(own[k]);
-      const auto regions = surface.ringRegions(own[k]);
       const Triple<T> a = point(own[k]);
       Vec3 sum = Vec3::Zero();
-      for (std::size_t i = 0; i < corners.size(); ++i) {
-        if (regions[i] != region) continue;
-        const Triple<T> g = cornerGradient(w, a, point(corners[i][0]), point(corners[i][1]));
+      surface.forEachCorner(own[k], [&](Index b, Index c, Index r) {
+        if (r != region) return;
+        const Triple<T> g = cornerGradient(w, a, point(b), point(c));
         sum += Vec3(wanted(g[0]), wanted(g[1]), wanted(g[2]));
-      }
+      });
       out[k] = sum;
     }
   });
