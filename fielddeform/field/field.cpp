@@ -281,7 +281,7 @@ void Field::Impl::evaluateMany(Points points, std::span<FieldValue> out) const {
   for (const Term& t : terms) {
     if (!(t.weight > 0)) continue;
     const bool together = t.source && t.source->togetherIsQuicker(finite.size());
-    if (together) t.source->at(finite, found);
+    if (together) t.source->atMany(finite, found);
     parallelFor(finite.size(), 512, [&](std::size_t begin, std::size_t end) {
       for (std::size_t j = begin; j < end; ++j) {
         const auto near = !together ? t.at(finite[j], t.reach()) : found[j] ? found[j] : t.exactAt(finite[j], t.reach());

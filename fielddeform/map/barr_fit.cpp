@@ -13,22 +13,14 @@
 namespace fielddeform::map {
 namespace {
 
+using Problem = detail::BarrProblem;
 using detail::Profile;
 using detail::profileAlong;
 using detail::rangeOf;
 
 constexpr std::size_t kMostPairs = 1000;
-constexpr double kFrameOffset = 0.25;  // radii
-// Frames are those of a polygon, half a segment's turn off at its ends: they decide only what points leave open.
-constexpr double kFrameWeight = 1e-3;
 constexpr double kSameFit = 1.05;      // a less simple kind must be better than this
 constexpr int kIterations = 60;
-
-struct Problem {
-  PointPairs pairs;
-  double size = 1;
-  double weight(std::size_t i) const { return i < pairs.own ? 1 : kFrameWeight; }
-};
 
 struct Candidate {
   BarrEdit edit;
@@ -43,7 +35,7 @@ void settle(const Problem& p, Candidate& c, Eigen::VectorXd* residual) {
   const std::size_t n = p.pairs.rest.size();
   std::vector<Vec3> x(n);
   for (std::size_t i = 0; i < n; ++i) x[i] = map.position(p.pairs.rest[i]) - c.edit.pivot;
-  const detail::RigidFit rigid = detail::fitRigid(p.pairs, x, c.edit.pivot, kFrameWeight, residual);
+  const detail::RigidFit rigid = detail::fitRigid(p.pairs, x, c.edit.pivot, residual);
   c.turn = rigid.turn;
   c.shift = rigid.shift;
   c.cost = rigid.cost;
@@ -173,22 +165,11 @@ double plainCost(const Problem& p, const Candidate& c) {
 }  // namespace
 
 BarrFit fitBarr(const SkeletonMotion& motion, const BarrFitOptions& options) {
-  Problem p{pointPairs(motion, {.offset = kFrameOffset, .most = kMostPairs})};
-  Vec3 centre = Vec3::Zero();
-  for (std::size_t i = 0; i < p.pairs.own; ++i) centre += p.pairs.rest[i] / static_cast<double>(p.pairs.own);
-  Mat3 spread = Mat3::Zero();
-  Box box;
-  for (std::size_t i = 0; i < p.pairs.rest.size(); ++i) {
-    const Vec3 x = p.pairs.rest[i] - centre;
-    if (i < p.pairs.own) spread += x * x.transpose();
-    box.extend(p.pairs.rest[i]);
-  }
-  p.size = std::max(box.sizes().norm(), 1e-300);
-  const Eigen::SelfAdjointEigenSolver<Mat3> eigen(spread);
-  Mat3 axes = eigen.eigenvectors();
+  const Problem p = detail::barrProblem(motion, kMostPairs);
+  Mat3 axes = p.axes;
   if (axes.determinant() < 0) axes.col(0) = -axes.col(0);
 
-  Candidate best = scaleGuess(centre, axes, p);
+  Candidate best = scaleGuess(p.centre, axes, p);
   best.edit.kind = BarrKind::Stretch;  // by 1: the rigid motion alone
   settle(p, best, nullptr);
   double least = plainCost(p, best);
@@ -196,10 +177,10 @@ BarrFit fitBarr(const SkeletonMotion& motion, const BarrFitOptions& options) {
   BarrFit fit;
   fit.rigid = least <= exact && !options.kind;
   if (!fit.rigid) {
-    std::vector<Candidate> starts{scaleGuess(centre, axes, p)};
+    std::vector<Candidate> starts{scaleGuess(p.centre, axes, p)};
     // The longest axis first: of equals the first is kept.
     for (int k = 2; k >= 0; --k)
-      for (const Candidate& c : guesses(motion, centre, axes.col(k))) starts.push_back(c);
+      for (const Candidate& c : guesses(motion, p.centre, axes.col(k))) starts.push_back(c);
     std::stable_sort(starts.begin(), starts.end(), [](const Candidate& a, const Candidate& b) { return a.edit.kind < b.edit.kind; });
     for (const Candidate& start : starts) {
       if (options.kind && start.edit.kind != *options.kind) continue;

@@ -13,19 +13,14 @@ namespace fielddeform::map {
 namespace {
 
 constexpr std::size_t kMostPairs = 600;
-// Frames are those of a polygon, half a segment's turn off at its ends: they decide only what points leave open.
-constexpr double kFrameOffset = 0.25, kFrameWeight = 1e-3;
 constexpr double kSameFit = 1.05;   // a less simple sequence must be better than this
 constexpr int kIterations = 80;
+
+using Problem = detail::BarrProblem;
 
 struct Sequence {
   std::vector<BarrEdit> edits;
   detail::RigidFit rigid;
-};
-
-struct Problem {
-  PointPairs pairs;
-  double size = 1;
 };
 
 // Images of the rest points, from the pivot.
@@ -42,7 +37,7 @@ std::vector<Vec3> imagesOf(const Problem& p, const std::vector<BarrEdit>& edits)
 }
 
 void settle(const Problem& p, Sequence& s, Eigen::VectorXd* residual) {
-  s.rigid = detail::fitRigid(p.pairs, imagesOf(p, s.edits), s.edits.front().pivot, kFrameWeight, residual);
+  s.rigid = detail::fitRigid(p.pairs, imagesOf(p, s.edits), s.edits.front().pivot, residual);
 }
 
 int amounts(BarrKind kind) { return kind == BarrKind::Scale ? 3 : kind == BarrKind::Taper ? 2 : 1; }
@@ -203,27 +198,17 @@ std::shared_ptr<const SpaceMap> BarrSequence::map() const {
 }
 
 BarrSequence fitBarrSequence(const SkeletonMotion& motion) {
-  Problem p{pointPairs(motion, {.offset = kFrameOffset, .most = kMostPairs})};
-  Vec3 centre = Vec3::Zero();
-  for (std::size_t i = 0; i < p.pairs.own; ++i) centre += p.pairs.rest[i] / static_cast<double>(p.pairs.own);
-  Mat3 spread = Mat3::Zero();
-  Box box;
-  for (std::size_t i = 0; i < p.pairs.rest.size(); ++i) {
-    const Vec3 x = p.pairs.rest[i] - centre;
-    if (i < p.pairs.own) spread += x * x.transpose();
-    box.extend(p.pairs.rest[i]);
-  }
-  p.size = std::max(box.sizes().norm(), 1e-300);
-  const Vec3 axis = Eigen::SelfAdjointEigenSolver<Mat3>(spread).eigenvectors().col(2);
+  const Problem p = detail::barrProblem(motion, kMostPairs);
+  const Vec3 axis = p.axes.col(2);
   BarrEdit still;
   still.kind = BarrKind::Stretch;
-  still.pivot = centre;
+  still.pivot = p.centre;
   Sequence best{{still}, {}};
   settle(p, best, nullptr);
   double least = plainCost(p, best);
   const double exact = 1e-20 * p.size * p.size * static_cast<double>(p.pairs.rest.size());
   for (const BarrKind lengthwise : {BarrKind::Scale, BarrKind::Stretch}) {
-    const auto start = guess(motion, centre, axis, lengthwise);
+    const auto start = guess(motion, p.centre, axis, lengthwise);
     if (!start || least <= exact) continue;
     Sequence s = refine(p, *start);
     const double cost = plainCost(p, s);

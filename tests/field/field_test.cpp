@@ -1,6 +1,7 @@
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/field/field.h>
 #include <gtest/gtest.h>
+#include <tests/support/central_difference.h>
 
 #include <stdexcept>
 
@@ -132,20 +133,14 @@ TEST(Field, CoincidentPrimitivesShiftTheDistance) {
 // of active primitives) are left out by comparing the one-sided differences.
 double gradientError(const Field& field, std::uint64_t seed, double size, int* used) {
   double worst = 0;
-  const double h = 1e-6;
+  const auto pseudoDistance = [&](const Vec3& at) { return field.evaluate(at).pseudoDistance; };
   for (std::uint64_t i = 0; i < 2000; ++i) {
     const Vec3 p = randomPoint(seed, i, size);
     const FieldValue v = field.evaluate(p);
-    Vec3 central;
-    bool smooth = true;
-    for (int k = 0; k < 3; ++k) {
-      const double up = field.evaluate(p + h * Vec3::Unit(k)).pseudoDistance, down = field.evaluate(p - h * Vec3::Unit(k)).pseudoDistance;
-      central[k] = (up - down) / (2 * h);
-      smooth = smooth && std::abs(up - 2 * v.pseudoDistance + down) < 1e-3 * h;  // a curvature of 1000 over h is a kink
-    }
-    if (!smooth) continue;
+    const auto central = test::centralDifference(pseudoDistance, p);
+    if (!central) continue;  // a curvature of 1000 over h is a kink
     ++*used;
-    worst = std::max(worst, (central - v.gradient).norm() / (1 + v.gradient.norm()));
+    worst = std::max(worst, (*central - v.gradient).norm() / (1 + v.gradient.norm()));
   }
   return worst;
 }
@@ -172,23 +167,17 @@ TEST(FieldGradient, IsTheCentralDifferenceForEveryPotentialBlended) {
     const Field field(s, options);
     const double R = field.referenceRadius();
     double worst = 0;
-    const double h = 1e-6;
+    const auto pseudoDistance = [&](const Vec3& at) { return field.evaluate(at).pseudoDistance; };
     for (std::uint64_t i = 0; i < 2000; ++i) {
       const Vec3 p = randomPoint(5, i, 1.3);
       const FieldValue v = field.evaluate(p);
       // Beside the floored slope (near x = 0) and the square-root behaviour of the inverses (x = 0 and x = k).
       if (v.pseudoDistance > -0.05 * R && v.pseudoDistance < 0.1 * R) continue;
       if (v.inside && v.pseudoDistance > 0.95 * R) continue;
-      Vec3 central;
-      bool smooth = true;
-      for (int k = 0; k < 3; ++k) {
-        const double up = field.evaluate(p + h * Vec3::Unit(k)).pseudoDistance, down = field.evaluate(p - h * Vec3::Unit(k)).pseudoDistance;
-        central[k] = (up - down) / (2 * h);
-        smooth = smooth && std::abs(up - 2 * v.pseudoDistance + down) < 1e-3 * h;
-      }
-      if (!smooth) continue;
+      const auto central = test::centralDifference(pseudoDistance, p);
+      if (!central) continue;
       ++used;
-      worst = std::max(worst, (central - v.gradient).norm() / (1 + v.gradient.norm()));
+      worst = std::max(worst, (*central - v.gradient).norm() / (1 + v.gradient.norm()));
     }
     EXPECT_LT(worst, 2e-6) << static_cast<int>(potential);
     EXPECT_GT(used, 1200) << static_cast<int>(potential);

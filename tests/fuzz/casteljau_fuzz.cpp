@@ -3,20 +3,14 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <stdexcept>
+
+#include "require.h"
 
 /// What must hold for any bytes that the reader of curves is given: an IoError, or a valid curve whose file reads back as it was
 /// written, and that deforms points to numbers.
 namespace fielddeform::map {
 namespace {
-
-void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::abort();
-}
 
 void check(std::string text) {
   CasteljauFile file;

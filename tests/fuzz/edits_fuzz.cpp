@@ -5,9 +5,9 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <stdexcept>
+
+#include "require.h"
 
 /// Any JSON as a list of edits: refused, or applied to a skeleton with a valid result.
 namespace fielddeform::skeleton {
@@ -37,10 +37,7 @@ void check(std::string text) {
       const JsonDocument again = JsonDocument::parse(json.text(), "again");
       JsonWriter twice;
       editToJson(editFromJson(again.root()), twice);
-      if (twice.text() != json.text()) {
-        std::fprintf(stderr, "violated: an edit reads back as it was written\n%s%s", json.text().c_str(), twice.text().c_str());
-        std::abort();
-      }
+      require(twice.text() == json.text(), "an edit reads back as it was written", json.text() + twice.text());
     }
   } catch (const IoError&) {
     return;

@@ -3,19 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
+
+#include "require.h"
 
 /// What must hold for any bytes that the reader of extended lattices is given: an IoError, or a valid lattice whose file reads back as
 /// it was written, and that deforms points to numbers.
 namespace fielddeform::map {
 namespace {
-
-void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::abort();
-}
 
 void check(std::string text) {
   ExtendedLattice l;

@@ -3,20 +3,14 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <stdexcept>
+
+#include "require.h"
 
 /// What must hold for any bytes that the lattice reader is given: an IoError, or a valid lattice whose file reads back as it
 /// was written; and a small one deforms points to numbers.
 namespace fielddeform::map {
 namespace {
-
-void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::abort();
-}
 
 bool sameShape(const Lattice& a, const Lattice& b) {
   return a.box == b.box && a.axis == b.axis && a.outside == b.outside && a.nodeCount() == b.nodeCount();

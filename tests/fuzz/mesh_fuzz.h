@@ -5,19 +5,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <numeric>
 #include <stdexcept>
 
+#include "require.h"
+
 /// What must hold for any bytes that a mesh reader is given.
 namespace fielddeform::mesh {
-
-inline void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::abort();
-}
 
 /// Reads; if that succeeds, writes in every format, and the own format must come back as it was written.
 inline int fuzzMesh(const std::uint8_t* data, std::size_t size, const char* name) {

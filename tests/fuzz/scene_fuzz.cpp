@@ -3,8 +3,8 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
+
+#include "require.h"
 
 /// What must hold for any bytes that the scene reader is given: an IoError, or a scene whose file reads back to the same
 /// file.
@@ -18,7 +18,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   const std::string text = scene::formatScene(scene, "folder");
   const std::string again = scene::formatScene(scene::parseScene(text, "folder/scene.json"), "folder");
-  if (text == again) return 0;
-  std::fprintf(stderr, "violated: writing again gives the same bytes\n%s\n%s\n", text.c_str(), again.c_str());
-  std::abort();
+  require(text == again, "writing again gives the same bytes", text + "\n" + again + "\n");
+  return 0;
 }

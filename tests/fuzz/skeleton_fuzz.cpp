@@ -3,19 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
+
+#include "require.h"
 
 /// What must hold for any bytes that the skeleton reader is given: an IoError, or a valid skeleton whose file reads back
 /// as it was written.
 namespace fielddeform::skeleton {
 namespace {
-
-void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::abort();
-}
 
 void check(std::string text) {
   Skeleton skeleton;

@@ -5,20 +5,14 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <stdexcept>
+
+#include "require.h"
 
 /// What must hold for any bytes that the reader of objects is given: an IoError, or a valid object whose file reads back as it was written; a
 /// small one is solved and tessellated, or refused with a message.
 namespace fielddeform::solid {
 namespace {
-
-void require(bool holds, const char* what) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", what);
-  std::abort();
-}
 
 void check(std::string text) {
   SolidFile file;

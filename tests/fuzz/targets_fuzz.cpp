@@ -3,19 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string_view>
+
+#include "require.h"
 
 /// Any text as a file of targets or of pins: refused with a line, or finite numbers.
 namespace fielddeform::map {
 namespace {
-
-void require(bool holds, const char* promise) {
-  if (holds) return;
-  std::fprintf(stderr, "violated: %s\n", promise);
-  std::abort();
-}
 
 void check(std::string_view text) {
   const std::vector<Vec3> vertices{Vec3(0, 0, 0), Vec3(1, 2, 3), Vec3(4, 5, 6)};

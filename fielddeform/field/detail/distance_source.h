@@ -24,7 +24,7 @@ class DistanceSource {
   /// Whether at() of so many points is quicker together.
   virtual bool togetherIsQuicker(std::size_t) const { return false; }
   /// at() of many finite points, in parallel, where that is quicker: equal to within what the source says.
-  virtual void at(Points points, std::span<std::optional<Relative>> out) const {
+  virtual void atMany(Points points, std::span<std::optional<Relative>> out) const {
     for (std::size_t i = 0; i < points.size(); ++i) out[i] = at(points[i]);
   }
 };

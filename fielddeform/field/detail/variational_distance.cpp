@@ -40,7 +40,7 @@ class VariationalDistance final : public DistanceSource {
 
   bool togetherIsQuicker(std::size_t points) const override { return dense_ && dense_->togetherIsQuicker(points); }
 
-  void at(Points points, std::span<std::optional<Relative>> out) const override {
+  void atMany(Points points, std::span<std::optional<Relative>> out) const override {
     parallelFor(points.size(), 512, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) out[i] = exactAt(points[i]);
     });

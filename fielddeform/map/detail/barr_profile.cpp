@@ -2,6 +2,7 @@
 #include <fielddeform/numeric/elementary.h>
 #include <fielddeform/numeric/rotation.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -11,8 +12,27 @@ namespace fielddeform::map::detail {
 namespace {
 
 constexpr int kBins = 33;
+// Frames are those of a polygon, half a segment's turn off at its ends: they decide only what points leave open.
+constexpr double kFrameOffset = 0.25;  // radii
+constexpr double kFrameWeight = 1e-3;
 
 }  // namespace
+
+BarrProblem barrProblem(const SkeletonMotion& motion, std::size_t most) {
+  BarrProblem p;
+  p.pairs = pointPairs(motion, {.offset = kFrameOffset, .most = most});
+  for (std::size_t i = 0; i < p.pairs.own; ++i) p.centre += p.pairs.rest[i] / static_cast<double>(p.pairs.own);
+  Mat3 spread = Mat3::Zero();
+  Box box;
+  for (std::size_t i = 0; i < p.pairs.rest.size(); ++i) {
+    const Vec3 x = p.pairs.rest[i] - p.centre;
+    if (i < p.pairs.own) spread += x * x.transpose();
+    box.extend(p.pairs.rest[i]);
+  }
+  p.size = std::max(box.sizes().norm(), 1e-300);
+  p.axes = Eigen::SelfAdjointEigenSolver<Mat3>(spread).eigenvectors();
+  return p;
+}
 
 Profile profileAlong(const SkeletonMotion& motion, const Vec3& centre, const Vec3& axis) {
   const skeleton::SampledPair& m = motion.samples;
@@ -87,8 +107,8 @@ void rangeOf(const std::vector<double>& s, const std::vector<double>& value, dou
   end = std::min(end, far + 0.15 / 0.7 * (far - near));
 }
 
-RigidFit fitRigid(const PointPairs& pairs, const std::vector<Vec3>& x, const Vec3& pivot, double frameWeight, Eigen::VectorXd* residual) {
-  const auto weight = [&](std::size_t i) { return i < pairs.own ? 1 : frameWeight; };
+RigidFit fitRigid(const PointPairs& pairs, const std::vector<Vec3>& x, const Vec3& pivot, Eigen::VectorXd* residual) {
+  const auto weight = [&](std::size_t i) { return i < pairs.own ? 1 : kFrameWeight; };
   Vec3 mx = Vec3::Zero(), mq = Vec3::Zero();
   double mass = 0;
   for (std::size_t i = 0; i < x.size(); ++i) {

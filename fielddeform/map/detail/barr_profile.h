@@ -8,6 +8,17 @@
 /// What the fits of Barr's deformations begin with.
 namespace fielddeform::map::detail {
 
+/// The points of a motion that a fit is to meet, and how they lie.
+struct BarrProblem {
+  PointPairs pairs;
+  double size = 1;               ///< diagonal of the rest points' box, > 0
+  Vec3 centre = Vec3::Zero();    ///< mean of the skeleton's own rest points
+  Mat3 axes = Mat3::Identity();  ///< orthonormal columns, by growing spread of those points about the centre
+};
+
+/// @param most  pairs, about
+BarrProblem barrProblem(const SkeletonMotion& motion, std::size_t most);
+
 /// How a skeleton turns, grows and stretches along one axis: means over slices.
 struct Profile {
   std::vector<double> s, turnAlong, turnAcross, scale, length;  ///< cumulative from the first slice
@@ -28,9 +39,8 @@ struct RigidFit {
   Vec3 shift = Vec3::Zero();
   double cost = 0;  ///< weighted sum of squares
 };
-/// @param image        #C, from the pivot
-/// @param frameWeight  of the pairs that are frame points
-/// @param residual     if given, 3 a pair, weighted
-RigidFit fitRigid(const PointPairs& pairs, const std::vector<Vec3>& image, const Vec3& pivot, double frameWeight, Eigen::VectorXd* residual);
+/// @param image     #C, from the pivot
+/// @param residual  if given, 3 a pair, weighted
+RigidFit fitRigid(const PointPairs& pairs, const std::vector<Vec3>& image, const Vec3& pivot, Eigen::VectorXd* residual);
 
 }  // namespace fielddeform::map::detail
