@@ -41,11 +41,11 @@ class ClosestTree::Impl::BlockBase {
   void begin();
   /// An element seen from the centre; S if none is nearer.
   template <int N>
-  SimplexHit look(std::uint32_t slot) {
-    const SimplexHit hit = tree_.testOne<N>(lanes_.centre, slot);
+  SimplexHit look(std::uint32_t place) {
+    const SimplexHit hit = tree_.testOne<N>(lanes_.centre, place);
     if (hit.squaredDistance < nearest_.squaredDistance) {
       nearest_ = hit;
-      nearestSlot_ = slot;
+      nearestSlot_ = place;
       most_ = hit.squaredDistance + size2_ + slackOf(hit.squaredDistance);
     }
     return hit;
@@ -113,7 +113,7 @@ class ClosestTree::Impl::TriangleBlock : public BlockBase {
   bool takeLeaf(const detail::BoxTree::Child& leaf, const detail::OrientedBox* box, double square, const Vec3& offset);
   void thin();
   void make(Leaf& leaf);
-  void makeTest(std::uint32_t slot, const SimplexHit& hit);
+  void makeTest(std::uint32_t place, const SimplexHit& hit);
   void prepare();
 
   std::size_t leafCount_ = 0;
@@ -128,7 +128,7 @@ class ClosestTree::Impl::TriangleBlock : public BlockBase {
 class ClosestTree::Impl::TriangleSearch : public BlockHint::Kept {
  public:
   explicit TriangleSearch(const Impl& tree) : tree_(tree), id_(tree.id) {}
-  bool isOf(const Impl& tree) const { return id_ == tree.id; }
+  bool isOf(const Impl& other) const { return id_ == other.id; }
   void run(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint);
 
  private:

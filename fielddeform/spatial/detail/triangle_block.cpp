@@ -98,9 +98,9 @@ void ClosestTree::Impl::TriangleBlock::thin() {
   leafCount_ = kept;
 }
 
-void ClosestTree::Impl::TriangleBlock::makeTest(std::uint32_t slot, const SimplexHit& hit) {
-  const Vec3* v = tree_.vertex.data() + std::size_t{3} * slot;
-  detail::TriangleTest& t = test_.emplace_back(detail::makeTest(v[0], v[1], v[2], tree_.tree.order[slot]));
+void ClosestTree::Impl::TriangleBlock::makeTest(std::uint32_t place, const SimplexHit& hit) {
+  const Vec3* v = tree_.vertex.data() + std::size_t{3} * place;
+  detail::TriangleTest& t = test_.emplace_back(detail::makeTest(v[0], v[1], v[2], tree_.tree.order[place]));
   t.bound.least = hit.squaredDistance - slackOf(hit.squaredDistance);
   for (int k = 0; k < 3; ++k) t.bound.offset[k] = 2 * hit.offset[k];
 }
