@@ -33,12 +33,12 @@ double greatestStretch(const mesh::Mesh& rest, Points posed) {
 
 }  // namespace
 
-Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
+Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress, bool keepSafe) {
   const std::size_t n = rest.vertexCount();
-  Deformed d{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n), {}, {}, 0, map, {}};
+  Deformed d{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n), {}, {}, 0, map, {}, {}};
   const Options& options = map.resolved().options;
   const bool guarded = options.guard && options.corrector && !map.isIdentity();
-  std::vector<Vec3> safe(guarded ? n : 0);
+  std::vector<Vec3> safe(guarded || keepSafe ? n : 0);
   progress.beginStage("track");
   d.evaluation = map.applyCounted(binding, {.position = d.position, .safe = safe, .status = d.status, .residual = d.residual}, progress);
   if (guarded) {
@@ -46,7 +46,8 @@ Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Bindi
     d.guard = guard(rest, safe, d.position, d.status);
     refreshResiduals(map, binding, d);
   }
-  safe = {};
+  if (keepSafe) d.safe = std::move(safe);
+  else safe = {};
   d.folds = map.isIdentity() ? 0 : mesh::countFolds(rest, rest.positions(), d.position);
   return d;
 }
@@ -59,8 +60,8 @@ void refreshResiduals(const GffdMap& map, const map::Binding& binding, Deformed&
   for (std::size_t k = 0; k < moved.size(); ++k) d.residual[d.guard.limited[k]] = residual[k];
 }
 
-Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
-  Deformed best = deformOnce(rest, map, binding, progress);
+Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress, bool keepSafe) {
+  Deformed best = deformOnce(rest, map, binding, progress, keepSafe);
   const Options& options = map.resolved().options;
   if (!options.retry || map.isIdentity()) return best;
   const auto name = [](const Deformed& d) {
@@ -71,7 +72,7 @@ Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& 
   std::string tried;
   const auto attemptAlso = [&](const GffdMap& other) {
     if (tried.empty()) tried = name(best);
-    Deformed next = deformOnce(rest, other, binding, progress);
+    Deformed next = deformOnce(rest, other, binding, progress, keepSafe);
     tried += "; " + name(next);
     return next;
   };
