@@ -34,12 +34,12 @@ double greatestStretch(const mesh::Mesh& rest, Points posed) {
 
 }  // namespace
 
-Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
+Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress, bool keepSafe) {
   const std::size_t n = rest.vertexCount();
-  Deformed d{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n), {}, {}, 0, map, {}};
+  Deformed d{std::vector<Vec3>(n), std::vector<Status>(n), std::vector<float>(n), {}, {}, 0, map, {}, {}};
   const Options& options = map.resolved().options;
   const bool guarded = options.guard && options.corrector && !map.isIdentity();
-  std::vector<Vec3> safe(guarded ? n : 0);
+  std::vector<Vec3> safe(guarded || keepSafe ? n : 0);
   progress.beginStage("track");
   d.evaluation = map.applyCounted(binding, {.position = d.position, .safe = safe, .status = d.status, .residual = d.residual}, progress);
   if (guarded) {
@@ -47,7 +47,8 @@ Deformed deformOnce(const mesh::Mesh& rest, const GffdMap& map, const map::Bindi
     d.guard = guard(rest, safe, d.position, d.status);
     refreshResiduals(map, binding, d);
   }
-  safe = {};
+  if (keepSafe) d.safe = std::move(safe);
+  else safe = {};
   d.folds = map.isIdentity() ? 0 : mesh::countFolds(rest, rest.positions(), d.position);
   return d;
 }
@@ -60,8 +61,8 @@ void refreshResiduals(const GffdMap& map, const map::Binding& binding, Deformed&
   for (std::size_t k = 0; k < moved.size(); ++k) d.residual[d.guard.limited[k]] = residual[k];
 }
 
-Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress) {
-  Deformed best = deformOnce(rest, map, binding, progress);
+Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& binding, Progress& progress, bool keepSafe) {
+  Deformed best = deformOnce(rest, map, binding, progress, keepSafe);
   const Options& options = map.resolved().options;
   if (!options.retry || map.isIdentity()) return best;
   const auto name = [](const Deformed& d) {
@@ -75,7 +76,7 @@ Deformed deform(const mesh::Mesh& rest, const GffdMap& map, const map::Binding& 
   const auto attemptAlso = [&](const std::string& what, const auto& make) -> std::optional<Deformed> {
     if (tried.empty()) tried = name(best);
     try {
-      Deformed next = deformOnce(rest, make(replaced ? map.posedMegabytes() : 0), binding, progress);
+      Deformed next = deformOnce(rest, make(replaced ? map.posedMegabytes() : 0), binding, progress, keepSafe);
       tried += "; " + name(next);
       return next;
     } catch (const field::GridMemoryError& problem) {

@@ -2,6 +2,7 @@
 #include <fielddeform/gffd/detail/binding.h>
 #include <fielddeform/gffd/detail/block_tracker.h>
 #include <fielddeform/gffd/detail/grid_tracker.h>
+#include <fielddeform/gffd/detail/lines_field.h>
 #include <fielddeform/gffd/detail/paper.h>
 #include <fielddeform/gffd/detail/stage.h>
 #include <fielddeform/gffd/gffd_map.h>
@@ -9,6 +10,8 @@
 #include <fielddeform/skeleton/interpolate.h>
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -27,6 +30,38 @@ constexpr std::size_t kGrain = 256;
 constexpr int kPaperIterations = 10;       // times Options::maxIterations
 constexpr std::size_t kWarpCentres = 2000;  // of skeletons: a dense solve
 constexpr std::size_t kMostPairs = 100000;  // given by the user
+
+/// Residuals of points that keep their whole level, by blocks where the field allows: they do not depend on the way there.
+class LevelResiduals {
+ public:
+  LevelResiduals(const detail::Stage& stage, Points position, std::span<float> out) : stage_(stage), position_(position), out_(out) {}
+
+  /// @return false if it is to be measured singly
+  bool take(std::size_t k, const detail::Value& value) {
+    if (!stage_.lines() || stage_.weight(value) < 1 || !position_[k].allFinite()) return false;
+    block_.x[count_] = position_[k].x(), block_.y[count_] = position_[k].y(), block_.z[count_] = position_[k].z();
+    wanted_[count_] = value.level * stage_.radius();
+    slot_[count_] = k;
+    if (++count_ == detail::kLanes) finish();
+    return true;
+  }
+  void finish() {
+    if (count_ == 0) return;
+    stage_.lines()->evaluate(block_, count_, values_);
+    for (std::size_t j = 0; j < count_; ++j) out_[slot_[j]] = static_cast<float>(std::abs(values_.value[j] - wanted_[j]));
+    count_ = 0;
+  }
+
+ private:
+  const detail::Stage& stage_;
+  Points position_;
+  std::span<float> out_;
+  std::size_t count_ = 0;
+  detail::Block block_;
+  detail::LineValues values_;
+  std::array<double, detail::kLanes> wanted_;
+  std::array<std::size_t, detail::kLanes> slot_;
+};
 
 bool asPrinted(Predictor p) { return p == Predictor::Gradient || p == Predictor::Warp; }
 
@@ -262,15 +297,19 @@ void GffdMap::residuals(const map::Binding& binding, std::span<const Index> poin
   checkSize("position", position, points.size(), false);
   checkSize("out", out, points.size(), false);
   const Impl& impl = *impl_;
+  if (impl.identity) return std::fill(out.begin(), out.end(), 0.0f);
   parallelFor(points.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    LevelResiduals whole(*impl.stages.back(), position, out);
     for (std::size_t k = begin; k < end; ++k) {
       const Index i = points[k];
       out[k] = 0;
-      if (!b.rest[i].allFinite() || !b.movable(i) || impl.identity) continue;
+      if (!b.rest[i].allFinite() || !b.movable(i)) continue;
+      if (whole.take(k, b.value(i))) continue;
       Vec3 start = b.rest[i];
       for (std::size_t s = 0; s + 1 < impl.stages.size(); ++s) start = impl.stages[s]->track(start, b.value(i)).position;
       out[k] = static_cast<float>(impl.stages.back()->residual(start, b.value(i), position[k]));
     }
+    whole.finish();
   });
 }
 

@@ -71,7 +71,7 @@ class ClassicMethod final : public Method {
     return posed;
   }
 
-  resample::Refined refine(const mesh::Mesh& mesh, const resample::Options& options, std::vector<std::string>&,
+  resample::Refined refine(const mesh::Mesh& mesh, Posed, const resample::Options& options, std::vector<std::string>&,
                            Progress& progress) override {
     return resample::refine(mesh, *map_, options, progress);
   }

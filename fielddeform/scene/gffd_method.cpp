@@ -43,7 +43,8 @@ class GffdMethod final : public Method {
   void rebind(const mesh::Mesh& mesh) override { binding_ = map_->bind(mesh.positions()); }
 
   Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) override {
-    gffd::Deformed deformed = gffd::deform(mesh, *map_, *binding_, progress);
+    gffd::Deformed deformed = gffd::deform(mesh, *map_, *binding_, progress, scene_.resample.has_value());
+    safe_ = std::move(deformed.safe);
     evaluated_ = deformed.evaluation;
     map_ = std::move(deformed.map);
     if (!deformed.retry.empty()) warnings.push_back(deformed.retry);
@@ -53,13 +54,16 @@ class GffdMethod final : public Method {
     if (map_->countMovable(*binding_) == 0)
       warnings.push_back(unpaired().value_or("no vertex is within the skeleton's influence: nothing was deformed; is the "
                                              "skeleton on the mesh?"));
-    if (!scene_.volume || scene_.resample) binding_.reset();  // the volume pass asks for weights and residuals
+    if (!scene_.volume) binding_.reset();  // the volume pass asks for weights and residuals
     return posedOf(std::move(deformed));
   }
 
-  resample::Refined refine(const mesh::Mesh& mesh, const resample::Options& options, std::vector<std::string>& warnings,
+  // Starts where tracking ended.
+  resample::Refined refine(const mesh::Mesh& mesh, Posed tracked, const resample::Options& options, std::vector<std::string>& warnings,
                            Progress& progress) override {
-    resample::Refined refined = refineOnce(mesh, options, progress);
+    resample::Refined refined = refineOnce(mesh, resample::Start{std::move(tracked.position), std::move(safe_), std::move(tracked.status),
+                                                                 std::move(tracked.residual)}, options, progress);
+    if (refined.report.rounds > 0) binding_.reset();
     if (map_->resolved().predictorWasAutomatic && map_->resolved().options.predictor == gffd::Predictor::Axial)
       retryWithMls(mesh, options, refined, warnings, progress);
     return refined;
@@ -71,14 +75,18 @@ class GffdMethod final : public Method {
   }
 
   void updateResiduals(const mesh::Mesh& mesh, Points tracked, Points moved, std::span<float> residual) override {
+    constexpr std::size_t kAtOnce = 1 << 16;
     std::vector<Index> point;
     std::vector<Vec3> position;
-    for (Index v = 0; v < moved.size(); ++v)
+    std::vector<float> now;
+    for (Index v = 0; v < moved.size(); ++v) {
       if (moved[v] != tracked[v]) point.push_back(v), position.push_back(moved[v]);
-    if (point.empty()) return;
-    std::vector<float> now(point.size());
-    map_->residuals(bindingOf(mesh), point, position, now);
-    for (std::size_t k = 0; k < point.size(); ++k) residual[point[k]] = now[k];
+      if (point.empty() || (point.size() < kAtOnce && std::size_t{v} + 1 < moved.size())) continue;
+      now.resize(point.size());
+      map_->residuals(bindingOf(mesh), point, position, now);
+      for (std::size_t k = 0; k < point.size(); ++k) residual[point[k]] = now[k];
+      point.clear(), position.clear();
+    }
   }
 
   void describe(Report& r) const override {
@@ -133,11 +141,11 @@ class GffdMethod final : public Method {
                        "--pair {0}={1} to replace one by the other", *removed, *added);
   }
 
-  resample::Refined refineOnce(const mesh::Mesh& mesh, resample::Options options, Progress& progress) const {
+  resample::Refined refineOnce(const mesh::Mesh& mesh, std::optional<resample::Start> start, resample::Options options, Progress& progress) const {
     const gffd::Options& tracking = map_->resolved().options;
     if (tracking.guard && tracking.corrector && !map_->isIdentity())
       options.meshStep = [this](const mesh::Mesh& rest, const map::MapOutput& state) { guardRefined(*map_, rest, state); };
-    return resample::refine(mesh, *map_, options, progress);
+    return start ? resample::refine(mesh, *map_, std::move(*start), options, progress) : resample::refine(mesh, *map_, options, progress);
   }
 
   // Between the vertices that "auto" looked at, the closest frame may jump: inserted vertices bring that to light.
@@ -153,7 +161,7 @@ class GffdMethod final : public Method {
       warnings.push_back(fmt::format("inserted vertices showed {} folded edges of axial; mls was not tried: {}", before, problem.what()));
       return;
     }
-    resample::Refined second = refineOnce(mesh, options, progress);
+    resample::Refined second = refineOnce(mesh, std::nullopt, options, progress);
     const std::size_t after = folds(second);
     if (after > before || (after == before && second.report.remaining >= refined.report.remaining)) {
       map_ = axial;
@@ -166,6 +174,7 @@ class GffdMethod final : public Method {
   const Scene& scene_;
   Skeletons skeletons_;
   std::shared_ptr<const map::Binding> binding_;
+  std::vector<Vec3> safe_;  // as tracked, until refine()
   std::optional<gffd::GffdMap> map_;
   gffd::EvaluationCounts evaluated_;
   bool radiusWasAutomatic_ = false;

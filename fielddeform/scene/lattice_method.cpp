@@ -149,7 +149,7 @@ class LatticeMethod final : public Method {
     return posed;
   }
 
-  resample::Refined refine(const mesh::Mesh& mesh, const resample::Options& options, std::vector<std::string>&,
+  resample::Refined refine(const mesh::Mesh& mesh, Posed, const resample::Options& options, std::vector<std::string>&,
                            Progress& progress) override {
     return resample::refine(mesh, *chain_, options, progress);
   }

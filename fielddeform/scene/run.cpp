@@ -132,9 +132,8 @@ class Runner {
     // Masks ride along as attributes, so that inserted vertices get theirs.
     carry(kMaskName, mask_);
     carry(kVolumeMaskName, volumeMask_);
-    posed_ = {};
     foldsOfInput_ = mesh::countSharpEdges(mesh_, mesh_.positions());
-    resample::Refined refined = method_->refine(mesh_, *scene_.resample, result_.report.warnings, progress_);
+    resample::Refined refined = method_->refine(mesh_, std::exchange(posed_, {}), *scene_.resample, result_.report.warnings, progress_);
     mesh_ = std::move(refined.rest);
     posed_ = {std::move(refined.posed), std::move(refined.status), std::move(refined.residual)};
     result_.report.insertedVertices = mesh_.vertexCount() - before;

@@ -85,7 +85,8 @@ struct LocalResult {
 /// Every connected component gets the volume back that it has at rest, to |dV / V| <= 1e-12. Components that the edit did not
 /// touch are not looked at. The same bits on any number of threads; scales by powers of two exactly. Where all of the object
 /// moved, its centroid and mean rotation stay.
-/// Memory: about 300 bytes a moved vertex. Time: about that of a few fold checks.
+/// Memory: about 200 bytes a moved vertex, its first half some 90 more for edges unless the caller has them. Time: about that of
+/// a few fold checks.
 /// @throw std::invalid_argument if counts differ, a mask or weight is out of range, or options are
 /// @throw InfeasibleError if a touched component has no volume (boundary edges that moved, inconsistent orientation, vertices
 ///        that are not finite), if the mask leaves nothing to move, or if no such displacement restores the volume

@@ -2,6 +2,7 @@
 #include <fielddeform/map/masked_map.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <limits>
 
 #include "lattices.h"
@@ -123,6 +124,38 @@ TEST(MaskedMap, RefusesWrongArguments) {
   EXPECT_THROW(map.bind(points, std::vector<double>{1, std::numeric_limits<double>::infinity()}), std::invalid_argument);
   std::vector<Vec3> out(2);
   EXPECT_THROW(map.combine(*other.bind(points), other.displacements(), out), std::invalid_argument);
+}
+
+// Inside, beyond the box, and one that is no point.
+TEST(MaskedMap, AViewOfPointsGivesTheBitsOfABinding) {
+  std::vector<Vec3> points = cloud(11, 20'000);
+  for (std::size_t i = 0; i < points.size(); i += 5) points[i] *= 4;
+  points[1000].x() = std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> mask = masks(points.size());
+  mask[1000] = 0;
+  // Spans, one cell, and so many nodes that gather() cuts them into slabs.
+  for (const AxisBasis& axis : {AxisBasis::bspline(6, 3, Border::Free), AxisBasis::bernstein(4), AxisBasis::bspline(53, 3, Border::Free)}) {
+    Lattice lattice;
+    lattice.box = test::skewBox();
+    lattice.axis = {axis, axis, axis};
+    const auto inner = std::make_shared<const LatticeMap>(test::shaken(lattice, 12, 0.1));
+    const MaskedMap map(inner);
+    const auto bound = map.bind(points, mask), view = map.bindView(points, mask);
+    ASSERT_EQ(view->size(), points.size());
+    const auto same = [](const std::vector<Vec3>& a, const std::vector<Vec3>& b) {
+      return std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3)) == 0;
+    };
+    const auto nodes = cloud(13, map.nodeCount()), values = cloud(14, points.size());
+    std::vector<Vec3> a(points.size()), b(points.size()), c(map.nodeCount()), d(map.nodeCount());
+    map.combine(*bound, nodes, a), map.combine(*view, nodes, b);
+    EXPECT_TRUE(same(a, b));
+    map.gather(*bound, values, c), map.gather(*view, values, d);
+    EXPECT_TRUE(same(c, d));
+    EXPECT_TRUE(same(positions(map, *bound), positions(map, *view)));
+    const std::vector<Index> some{3, 999, 1000, 1001, 19'999};
+    EXPECT_EQ(map.basisAt(*bound, some).value, map.basisAt(*view, some).value);
+    EXPECT_TRUE(same(positions(*inner, *inner->bind(points)), positions(*inner, *inner->bindView(points))));
+  }
 }
 
 }  // namespace

@@ -45,6 +45,28 @@ TEST(ResampledGffd, ABoxOfTwelveTrianglesBentByARightAngleMeetsTheIdealBend) {
   EXPECT_TRUE(mesh::countEdges(mesh::EdgeTable(r.rest)).closed());
 }
 
+TEST(ResampledGffd, StartsWhereTrackingEndedToTheSameBits) {
+  const mesh::Mesh mesh = box();
+  skeleton::Primitive line;
+  line.name = "line";
+  line.points = tests::verticalLine(33, 2);
+  line.radius = 1;
+  skeleton::Skeleton rest{{line}, {}}, posed = rest;
+  posed.primitives[0].points = tests::bendMap(line.points, 1);
+  const gffd::GffdMap map(gffd::resolve({}, mesh, skeleton::pairSkeletons(rest, posed)));
+  Progress silent;
+  gffd::Deformed tracked = gffd::deform(mesh, map, *map.bind(mesh.positions()), silent, true);
+  ASSERT_EQ(tracked.safe.size(), mesh.vertexCount());
+  const Refined anew = refine(mesh, tracked.map, {}, silent);
+  const Refined onward = refine(mesh, tracked.map, Start{std::move(tracked.position), std::move(tracked.safe), std::move(tracked.status), std::move(tracked.residual)}, {}, silent);
+  ASSERT_GT(anew.report.insertedVertices, 100u);
+  EXPECT_EQ(onward.posed, anew.posed);
+  EXPECT_EQ(onward.safe, anew.safe);
+  EXPECT_EQ(onward.status, anew.status);
+  EXPECT_EQ(onward.residual, anew.residual);
+  EXPECT_EQ(onward.rest.positions(), anew.rest.positions());
+}
+
 TEST(ResampledGffd, InTheFaithfulModeInsertedVerticesInheritTheMeanOfTheirEndsFieldValues) {
   const mesh::Mesh mesh = box();
   skeleton::Primitive line;

@@ -1,6 +1,7 @@
 #include <fielddeform/core/error.h>
 #include <fielddeform/core/parallel.h>
 #include <fielddeform/mesh/measures.h>
+#include <fielddeform/volume/detail/index_lists.h>
 #include <fielddeform/volume/surface_volume.h>
 #include <gtest/gtest.h>
 
@@ -119,6 +120,22 @@ TEST(SurfaceVolume, SameBitsOnAnyNumberOfThreads) {
   }
   EXPECT_EQ(value[0], value[1]);
   EXPECT_EQ(value[0], value[2]);
+}
+
+// More items than one chunk holds.
+TEST(IndexLists, AreInTheOrderOfPuttingOnAnyNumberOfThreads) {
+  constexpr std::size_t kKeys = 1000, kCount = 400'000;
+  std::vector<std::vector<Index>> expected(kKeys);
+  const auto each = [](std::size_t begin, std::size_t end, auto&& put) {
+    for (std::size_t i = begin; i < end; ++i) put(static_cast<Index>(i * i % 997), static_cast<Index>(i));
+  };
+  each(0, kCount, [&](Index key, Index item) { expected[key].push_back(item); });
+  for (const int threads : {1, 2, 7}) {
+    const ThreadLimit limit(threads);
+    const detail::IndexLists lists = detail::makeIndexLists(kKeys, kCount, each);
+    for (std::size_t k = 0; k < kKeys; ++k)
+      ASSERT_TRUE(std::equal(lists[k].begin(), lists[k].end(), expected[k].begin(), expected[k].end())) << "key " << k;
+  }
 }
 
 }  // namespace

@@ -34,7 +34,8 @@ class Method {
   /// Deforms the bound mesh; forgets its binding.
   virtual Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) = 0;
   /// Refines the mesh under the map.
-  virtual resample::Refined refine(const mesh::Mesh& mesh, const resample::Options& options,
+  /// @param tracked  what track() gave
+  virtual resample::Refined refine(const mesh::Mesh& mesh, Posed tracked, const resample::Options& options,
                                    std::vector<std::string>& warnings, Progress& progress) = 0;
   /// The method's own entries of the report.
   virtual void describe(Report& report) const = 0;

@@ -27,6 +27,14 @@ struct ExactSum {
   double value() const { return sum + rest; }
 };
 
+// Of the faces of one component.
+struct FaceSums {
+  Vec3 corners = Vec3::Zero();
+  double count = 0;
+  std::size_t broken = 0;
+  FaceSums& operator+=(const FaceSums& o) { return corners += o.corners, count += o.count, broken += o.broken, *this; }
+};
+
 double sixthVolume(const Vec3& a, const Vec3& b, const Vec3& c) { return a.dot(b.cross(c)) / 6; }
 
 Box boxOf(Points points) {
@@ -242,18 +250,6 @@ double partLength(const LocalEdit& e, const std::vector<std::uint8_t>& counts) {
 double ComponentVolumes::Value::deviation() const noexcept {
   return rest == 0 ? (change() == 0 ? 0 : std::numeric_limits<double>::infinity()) : std::abs(change() / rest);
 }
-
-namespace {
-
-// Of the faces of one component.
-struct FaceSums {
-  Vec3 corners = Vec3::Zero();
-  double count = 0;
-  std::size_t broken = 0;
-  FaceSums& operator+=(const FaceSums& o) { return corners += o.corners, count += o.count, broken += o.broken, *this; }
-};
-
-}  // namespace
 
 ComponentVolumes::ComponentVolumes(const LocalEdit& e, const std::vector<std::uint8_t>& held)
     : edit_(e), slot_(held.size(), kNoIndex) {
