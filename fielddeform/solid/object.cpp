@@ -209,7 +209,7 @@ std::vector<std::pair<Index, double>> combination(const Object& object, const Po
     return {{solid.points[solid.slot((*ijk)[0], (*ijk)[1], (*ijk)[2])], 1.0}};
   }
   const Vec3& u = std::get<Vec3>(ref.at);
-  if (!(u.minCoeff() >= 0 && u.maxCoeff() <= 1)) throw std::invalid_argument(fmt::format("{}: expected numbers from 0 to 1", describe(object, ref)));
+  if (!((u.array() >= 0).all() && (u.array() <= 1).all())) throw std::invalid_argument(fmt::format("{}: expected numbers from 0 to 1", describe(object, ref)));
   std::vector<double> weight(solid.slots());
   weights(solid.degree, u, weight);
   std::vector<std::pair<Index, double>> out;

@@ -133,7 +133,7 @@ double WindingNumber::exactAt(const Vec3& query) const {
 
 double WindingNumber::at(const Vec3& query) const {
   const Vec3 q = query * impl_->scale;
-  if (!(q.cwiseAbs().maxCoeff() < kFar)) return 0;  // far away or not a number
+  if (!(q.array().abs() < kFar).all()) return 0;  // far away or not a number
   const detail::BoxTree& tree = impl_->tree;
   detail::BoxTree::Child stack[detail::BoxTree::kMaxDepth];
   int top = 0;

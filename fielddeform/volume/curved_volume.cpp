@@ -20,7 +20,7 @@ std::vector<Vec3> boxPoints(const map::LatticeBox& box, Points positions, std::s
   std::vector<Vec3> u(positions.size());
   for (std::size_t v = 0; v < u.size(); ++v) u[v] = toBox * (positions[v] - box.origin);
   for (const Index v : triangles)
-    if (!(u[v].minCoeff() >= -1e-9 && u[v].maxCoeff() <= 1 + 1e-9))
+    if (!((u[v].array() >= -1e-9).all() && (u[v].array() <= 1 + 1e-9).all()))
       throw std::invalid_argument(fmt::format("positions: vertex {} lies outside the lattice's box", v));
   return u;
 }

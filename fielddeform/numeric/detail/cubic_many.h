@@ -19,7 +19,7 @@ struct CubicCentres {
 };
 
 /// Whether cubicMany takes a point: finite and not absurdly far.
-inline bool takesCubicMany(const Vec3& p) { return p.cwiseAbs().maxCoeff() <= 1e6; }
+inline bool takesCubicMany(const Vec3& p) { return (p.array().abs() <= 1e6).all(); }
 
 /// Calls take(i, sums) once for every point that takesCubicMany, from many threads: sums of the first component, then its
 /// gradient; or of the three components. Same bits on every CPU and thread count, for the same points.
