@@ -10,6 +10,7 @@ namespace fielddeform::gffd::detail {
 namespace {
 
 constexpr double kFixed = std::numeric_limits<double>::quiet_NaN();
+constexpr double kFar = std::numeric_limits<double>::max();
 
 constexpr std::size_t kBlock = 64;    // points that share searches
 constexpr std::size_t kMostFeet = 4;  // of a point, four bytes each
@@ -30,6 +31,8 @@ std::shared_ptr<const Embedding> makeEmbedding(const skeleton::SkeletonPair& pai
   if (part.rest.primitives.size() == pair.rest.primitives.size()) e->moving = e->field;
   else if (!part.rest.primitives.empty())
     e->moving = std::make_shared<const field::Field>(part.rest, options.after(*e->field), around);
+  e->lines = LinesField::of(pair.rest, options, e->radius);
+  if (e->moving && e->moving != e->field) e->movingLines = LinesField::of(part.rest, options, e->moving->referenceRadius());
   return e;
 }
 
@@ -111,6 +114,61 @@ class BlockBinder {
   std::array<field::Foot, kBlock * kMostFeet> feet_;
 };
 
+// The same values to rounding, of lines and points: by vector instructions.
+class LineBinder {
+ public:
+  explicit LineBinder(GffdBinding& binding) : binding_(binding), embedding_(*binding.embedding) {}
+
+  void take(std::uint32_t i) {
+    const Vec3& p = binding_.rest[i];
+    index_[count_] = i;
+    block_.x[count_] = p[0], block_.y[count_] = p[1], block_.z[count_] = p[2];
+    if (++count_ == kLanes) finish();
+  }
+
+  void pause() {
+    if (count_ >= kLanes / 2) finish();
+  }
+
+  void finish() {
+    if (count_ == 0) return;
+    const Embedding& e = embedding_;
+    const bool removed = e.moving != e.field;
+    e.lines->evaluate(block_, count_, value_);
+    if (removed && e.moving) e.movingLines->evaluate(block_, count_, moving_);
+    for (std::size_t k = 0; k < count_; ++k) {
+      bool inside = value_.value[k] < e.radius;
+      double share = 0;
+      if (removed) {
+        const double near = e.moving ? moving_.value[k] / e.moving->referenceRadius() : kFixed;
+        inside = inside && near < 1;
+        share = inside ? shareOf(near) : 0;
+        binding_.share[index_[k]] = share;
+      }
+      binding_.level[index_[k]] = inside ? value_.value[k] / e.radius : kFixed;
+    }
+    count_ = 0;
+  }
+
+ private:
+  GffdBinding& binding_;
+  const Embedding& embedding_;
+  std::size_t count_ = 0;
+  std::array<std::uint32_t, kLanes> index_;
+  Block block_;
+  LineValues value_, moving_;
+};
+
+bool boundByLines(const Embedding& e) { return e.lines && (e.moving == e.field || !e.moving || e.movingLines); }
+
+// Where the field can reach: all points elsewhere stay.
+Box reachOf(const Embedding& e) {
+  Box box = e.field->bounds();
+  if (e.field->options().distance.kind != field::Distance::Exact || box.isEmpty()) return Box(Vec3::Constant(-kFar), Vec3::Constant(kFar));
+  const Vec3 margin = Vec3::Constant(e.radius * (1 + 1e-9)) + 1e-12 * box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs());
+  return Box(box.min() - margin, box.max() + margin);
+}
+
 // The same values, point by point or block by block.
 void bindSingly(GffdBinding& b) {
   const bool removed = !b.share.empty();
@@ -123,15 +181,15 @@ void bindSingly(GffdBinding& b) {
   });
 }
 
+template <class Binder>
 void bindByBlocks(GffdBinding& b) {
   std::fill(b.level.begin(), b.level.end(), kFixed);
-  if (b.embedding->moving && b.embedding->moving->primitiveCount() <= kMostFeet)
-    b.feet.resize(b.rest.size() * b.embedding->moving->primitiveCount());
   const CellFrame& frame = *b.embedding->cells;
-  CellOrder all = orderByCell(frame, b.rest, [&](std::size_t i) { return b.rest[i].allFinite(); });
+  const Box reach = reachOf(*b.embedding);
+  CellOrder all = orderByCell(frame, b.rest, [&](std::size_t i) { return reach.contains(b.rest[i]); });
   Progress silent;
   forEachNeighbourhood(frame, all, b.rest, silent, [&](const auto& forEach) {
-    BlockBinder binder(b);
+    Binder binder(b);
     forEach(binder);
     binder.finish();
   });
@@ -153,9 +211,12 @@ std::shared_ptr<GffdBinding> bindPoints(std::shared_ptr<const Embedding> embeddi
   b->level.resize(rest.size());
   if (embedding->moving != embedding->field) b->share.resize(rest.size());
   b->embedding = std::move(embedding);
-  // Triangles are worth the order; the nearest point of a line is soon found singly.
-  if (b->embedding->surfaces && b->embedding->cells && rest.size() >= kFew) bindByBlocks(*b);
-  else bindSingly(*b);
+  const Embedding& e = *b->embedding;
+  if (e.cells && boundByLines(e)) bindByBlocks<LineBinder>(*b);
+  else if (e.cells && e.surfaces && rest.size() >= kFew) {
+    if (e.moving && e.moving->primitiveCount() <= kMostFeet) b->feet.resize(rest.size() * e.moving->primitiveCount());
+    bindByBlocks<BlockBinder>(*b);
+  } else bindSingly(*b);
   return b;
 }
 

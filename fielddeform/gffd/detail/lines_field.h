@@ -15,6 +15,7 @@ class LinesField {
   /// Nothing if the field is of another kind.
   static std::optional<LinesField> of(const skeleton::Skeleton& skeleton, const field::FieldOptions& options, double reference);
 
+  /// D is at least R, or no number, where no primitive reaches.
   /// @param count  points of the block, 1 to kLanes
   void evaluate(const Block& points, std::size_t count, LineValues& out) const;
 

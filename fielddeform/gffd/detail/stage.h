@@ -21,6 +21,8 @@ struct Embedding {
   std::shared_ptr<const field::Field> moving;  ///< of its moving part; the same object if nothing is removed; may be null
   std::vector<Index> movingIndex;              ///< the rest primitives that are not removed
   double radius = 0;                           ///< R of `field`
+  std::optional<LinesField> lines;             ///< `field` by blocks, where it is of that kind
+  std::optional<LinesField> movingLines;       ///< `moving` likewise, where it is another field
   bool surfaces = false;                       ///< a mesh is among its primitives
   std::optional<CellFrame> cells;              ///< of the moving part; absent where there can be none
 };
