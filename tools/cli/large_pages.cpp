@@ -3,7 +3,8 @@
 // others just given back, and the processor looking pages up. The library leaves memory to its user; the program replaces
 // operator new: arrays of several megabytes lie on pages of 2 MB, and pages of arrays given back make up the next, wherever they
 // lie: the kernel moves them to one range of addresses without clearing them. So the program takes what it needs at once at most,
-// and never twice. (TBB's allocator keeps more than that: 384 bytes a vertex instead of 318.)
+// and never twice. (TBB's allocator keeps more than that: 384 bytes a vertex instead of 318.) Smaller arrays, those of a mesh of a
+// hundred thousand vertices, are cut from a few large pages that stay with the program.
 #include <sys/mman.h>
 
 #include <algorithm>
@@ -16,14 +17,20 @@
 namespace {
 
 constexpr std::size_t kLargePage = std::size_t{2} << 20;
+constexpr std::size_t kLarge = 2 * kLargePage;             // arrays from here on have pages of their own
+constexpr std::size_t kPiece = std::size_t{64} << 10;      // smaller ones are whole numbers of these
+constexpr std::size_t kShared = 4 * kLargePage;            // pages that they are cut from, taken at once
+
+constexpr std::size_t roundUp(std::size_t bytes, std::size_t unit) { return (bytes + unit - 1) / unit * unit; }
 
 struct Range {
   char* begin = nullptr;
-  std::size_t size = 0;  // whole large pages
+  std::size_t size = 0;
   char* end() const { return begin + size; }
 };
 
 // A fixed number of ranges, by address. No container: it would call operator new.
+template <std::size_t Most>
 class Ranges {
  public:
   bool full() const { return count_ == range_.size(); }
@@ -43,19 +50,51 @@ class Ranges {
     --count_;
   }
 
+  /// The range that begins at this address.
+  Range* find(const char* address) {
+    Range* r = at(address);
+    return r != end() && r->begin == address ? r : nullptr;
+  }
+  /// Adds a range, as one with those that it touches. @return false if there is no room
+  bool join(Range r) {
+    Range* next = at(r.begin);
+    if (next != begin() && (next - 1)->end() == r.begin) {
+      (next - 1)->size += r.size;
+      if (next != end() && (next - 1)->end() == next->begin) (next - 1)->size += next->size, erase(next);
+    } else if (next != end() && r.end() == next->begin) {
+      next->begin = r.begin, next->size += r.size;
+    } else if (!full()) {
+      insert(r);
+    } else {
+      return false;
+    }
+    return true;
+  }
+  /// Takes memory from the smallest range that serves. @return null if none does
+  char* cut(std::size_t size) {
+    Range* best = nullptr;
+    for (Range& r : *this)
+      if (r.size >= size && (!best || r.size < best->size)) best = &r;
+    if (!best) return nullptr;
+    char* memory = best->begin;
+    best->begin += size, best->size -= size;
+    if (best->size == 0) erase(best);
+    return memory;
+  }
+
  private:
-  std::array<Range, 1024> range_{};
+  std::array<Range, Most> range_{};
   std::size_t count_ = 0;
 };
 
 class LargeArrays {
  public:
   void* take(std::size_t bytes) {
-    const std::size_t size = (bytes + kLargePage - 1) / kLargePage * kLargePage;
+    const std::size_t size = roundUp(bytes, kLargePage);
     if (size < bytes) return nullptr;
     const std::lock_guard lock(mutex_);
     if (used_.full()) return nullptr;
-    char* memory = takeKept(size);
+    char* memory = kept_.cut(size);
     if (!memory) memory = compose(size);
     if (!memory) return nullptr;
     used_.insert({memory, size});
@@ -66,41 +105,15 @@ class LargeArrays {
   bool giveBack(void* memory) {
     if (reinterpret_cast<std::uintptr_t>(memory) % kLargePage != 0) return false;
     const std::lock_guard lock(mutex_);
-    Range* r = used_.at(static_cast<char*>(memory));
-    if (r == used_.end() || r->begin != memory) return false;
+    Range* r = used_.find(static_cast<char*>(memory));
+    if (!r) return false;
     const Range range = *r;
     used_.erase(r);
-    keep(range);
+    if (!kept_.join(range)) ::munmap(range.begin, range.size);
     return true;
   }
 
  private:
-  // The smallest that serves.
-  char* takeKept(std::size_t size) {
-    Range* best = nullptr;
-    for (Range& r : kept_)
-      if (r.size >= size && (!best || r.size < best->size)) best = &r;
-    if (!best) return nullptr;
-    char* memory = best->begin;
-    best->begin += size, best->size -= size;
-    if (best->size == 0) kept_.erase(best);
-    return memory;
-  }
-
-  void keep(Range r) {
-    Range* next = kept_.at(r.begin);
-    if (next != kept_.begin() && (next - 1)->end() == r.begin) {
-      (next - 1)->size += r.size;
-      if (next != kept_.end() && (next - 1)->end() == next->begin) (next - 1)->size += next->size, kept_.erase(next);
-    } else if (next != kept_.end() && r.end() == next->begin) {
-      next->begin = r.begin, next->size += r.size;
-    } else if (!kept_.full()) {
-      kept_.insert(r);
-    } else {
-      ::munmap(r.begin, r.size);
-    }
-  }
-
   // A range of addresses with all pages that are kept, as far as it goes, and new ones.
   char* compose(std::size_t size) {
     char* begin = reserve(size);
@@ -141,19 +154,58 @@ class LargeArrays {
   }
 
   std::mutex mutex_;
-  Ranges used_, kept_;
+  Ranges<1024> used_, kept_;
 };
 
 constinit LargeArrays large;
 
+class SmallerArrays {
+ public:
+  void* take(std::size_t bytes) {
+    const std::size_t size = roundUp(bytes, kPiece);
+    const std::lock_guard lock(mutex_);
+    if (used_.full()) return nullptr;
+    char* memory = kept_.cut(size);
+    if (!memory) {
+      char* pages = static_cast<char*>(large.take(kShared));
+      if (!pages) return nullptr;
+      if (!kept_.join({pages, kShared})) {
+        large.giveBack(pages);
+        return nullptr;
+      }
+      memory = kept_.cut(size);
+    }
+    used_.insert({memory, size});
+    return memory;
+  }
+
+  /// @return false if it was not taken here
+  bool giveBack(void* memory) {
+    if (reinterpret_cast<std::uintptr_t>(memory) % kPiece != 0) return false;
+    const std::lock_guard lock(mutex_);
+    Range* r = used_.find(static_cast<char*>(memory));
+    if (!r) return false;
+    const Range range = *r;
+    used_.erase(r);
+    kept_.join(range);  // there is room: no more ranges are kept than are used between them, and shared pages
+    return true;
+  }
+
+ private:
+  std::mutex mutex_;
+  Ranges<2048> used_;
+  Ranges<4096> kept_;
+};
+
+constinit SmallerArrays smaller;
+
 void* allocate(std::size_t bytes) noexcept {
-  if (bytes >= 2 * kLargePage)
-    if (void* memory = large.take(bytes)) return memory;
-  return std::malloc(bytes > 0 ? bytes : 1);
+  void* memory = bytes >= kLarge ? large.take(bytes) : bytes >= kPiece ? smaller.take(bytes) : nullptr;
+  return memory ? memory : std::malloc(bytes > 0 ? bytes : 1);
 }
 
 void release(void* memory) noexcept {
-  if (memory && !large.giveBack(memory)) std::free(memory);
+  if (memory && !smaller.giveBack(memory) && !large.giveBack(memory)) std::free(memory);
 }
 
 }  // namespace
