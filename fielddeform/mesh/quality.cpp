@@ -54,54 +54,88 @@ std::optional<double> edgeCosine(const EdgeTable& table, const Triangles& triang
   return table.isForward(uses[0]) == table.isForward(uses[1]) ? -cosine : cosine;
 }
 
-struct SharpCounts {
-  std::size_t folds = 0, rest = 0, posed = 0;
-  SharpCounts operator+(const SharpCounts& b) const { return {folds + b.folds, rest + b.rest, posed + b.posed}; }
-};
+using UnitNormal = std::array<float, 3>;
 
-SharpCounts countSharp(const EdgeTable& table, const Triangles& triangles, Points rest, Points posed) {
+/// Unit normals as floats; no numbers for triangles without area.
+std::vector<UnitNormal> unitNormals(const Triangles& triangles, Points x) {
+  std::vector<UnitNormal> unit(triangles.size());
+  parallelFor(unit.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      const auto n = normal(triangles[t], x);
+      const double scale = n ? 1 / std::sqrt(n->squaredNorm()) : std::nan("");
+      for (int k = 0; k < 3; ++k) unit[t][static_cast<std::size_t>(k)] = static_cast<float>(n ? (*n)[k] * scale : scale);
+    }
+  });
+  return unit;
+}
+
+float cosine(const UnitNormal& a, const UnitNormal& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/// How many edges of exactly two triangles, both with area, have a cosine below kFoldTo at x, and how many of those one above
+/// kFoldFrom at `other`. Decided by the triangles' unit normals as floats, and exactly near the bound.
+struct Sharp {
+  std::size_t edges = 0, folds = 0;
+};
+Sharp countSharp(const EdgeTable& table, const Triangles& triangles, Points x, Points other) {
+  constexpr float kFloatError = 1e-5f;
+  const std::vector<UnitNormal> unit = unitNormals(triangles, x);
   return deterministicReduce(
-      table.size(), kGrain, SharpCounts{},
+      table.size(), kGrain, Sharp{},
       [&](std::size_t begin, std::size_t end) {
-        SharpCounts n;
+        Sharp n;
         for (std::size_t e = begin; e < end; ++e) {
-          const auto before = edgeCosine(table, triangles, e, rest), after = edgeCosine(table, triangles, e, posed);
-          n.folds += before && after && *before > kFoldFrom && *after < kFoldTo;
-          n.rest += before && *before < kFoldTo;
-          n.posed += after && *after < kFoldTo;
+          const auto uses = table.uses(e);
+          if (uses.size() != 2) continue;
+          const bool same = table.isForward(uses[0]) != table.isForward(uses[1]);
+          const float near = cosine(unit[uses[0] / 3], unit[uses[1] / 3]) * (same ? 1.0f : -1.0f);
+          if (!(near < static_cast<float>(kFoldTo) + kFloatError)) continue;
+          const auto here = edgeCosine(table, triangles, e, x);
+          if (!here || !(*here < kFoldTo)) continue;
+          ++n.edges;
+          if (other.empty()) continue;
+          const auto there = edgeCosine(table, triangles, e, other);
+          n.folds += there && *there > kFoldFrom;
         }
         return n;
       },
-      std::plus<>());
+      [](const Sharp& a, const Sharp& b) { return Sharp{a.edges + b.edges, a.folds + b.folds}; });
 }
 
 // Two triangles whose normals are both within acos 0.6 of a third direction are less than 107 degrees apart, not a fold.
 constexpr float kAlike = 0.6f;
 
-// Triangles that may be at a fold: whose normal differs from that of some triangle at one of their corners. Everything
-// else is certain, rounding to floats included.
+// Differs from one number to another in every bit.
+std::uint64_t scrambled(std::uint64_t x) {
+  x = (x + 0x9E3779B97F4A7C15u) * 0xBF58476D1CE4E5B9u;
+  return (x ^ (x >> 29)) * 0x94D049BB133111EBu;
+}
+
+// Triangles that may be at a fold: whose normal differs from that of some triangle at one of their corners, or that have a corner
+// around which not all are turned alike, where normals tell nothing. Everything else is certain, rounding to floats included.
 std::vector<char> mayFold(const Mesh& mesh, const Triangles& triangles, Points posed) {
   const std::size_t n = triangles.size();
-  std::vector<std::array<float, 3>> unit(n);
-  parallelFor(n, kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t t = begin; t < end; ++t) {
-      const Index* c = triangles[t];
-      const Vec3 m = detail::areaVector(posed[c[0]], posed[c[1]], posed[c[2]]);
-      const double scale = 1 / std::sqrt(m.squaredNorm());
-      for (int k = 0; k < 3; ++k) unit[t][static_cast<std::size_t>(k)] = static_cast<float>(m[k] * scale);
+  const std::vector<UnitNormal> unit = unitNormals(triangles, posed);
+  struct Corner {
+    Index some = 0;            // a triangle here
+    std::uint64_t left = 0;    // of the vertices that edges lead to, less those that they come from: 0 around a whole fan turned alike
+  };
+  std::vector<Corner> at(mesh.vertexCount());
+  for (std::size_t t = 0; t < n; ++t) {
+    const Index* c = triangles[t];
+    const std::uint64_t hash[3] = {scrambled(c[0]), scrambled(c[1]), scrambled(c[2])};
+    for (int k = 0; k < 3; ++k) {
+      Corner& corner = at[c[k]];
+      corner.some = static_cast<Index>(t);
+      corner.left += hash[(k + 1) % 3] - hash[(k + 2) % 3];
     }
-  });
-  std::vector<Index> some(mesh.vertexCount());  // a triangle at each vertex
-  for (std::size_t t = 0; t < n; ++t)
-    for (int k = 0; k < 3; ++k) some[triangles[t][k]] = static_cast<Index>(t);
+  }
   std::vector<char> out(n);
   parallelFor(n, kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
-      const auto& a = unit[t];
       bool alike = true;
       for (int k = 0; k < 3; ++k) {
-        const auto& b = unit[some[triangles[t][k]]];
-        alike = alike && a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > kAlike;  // not where there is no number
+        const Corner& corner = at[triangles[t][k]];
+        alike = alike && corner.left == 0 && cosine(unit[t], unit[corner.some]) > kAlike;  // not where there is no number
       }
       out[t] = !alike;
     }
@@ -141,9 +175,10 @@ std::size_t countFoldsAt(const Mesh& mesh, const Triangles& triangles, const std
       std::plus<>());
 }
 
-SharpCounts countSharp(const Mesh& mesh, Points rest, Points posed) {
-  const Triangles triangles(mesh);
-  return countSharp(EdgeTable(mesh.vertexCount(), triangles.corners()), triangles, rest, posed);
+/// The same where the mesh's edges may serve: fans have edges of their own.
+template <class Count>
+auto withEdges(const Mesh& mesh, const EdgeTable& edges, const Triangles& triangles, Count&& count) {
+  return mesh.allTriangles() ? count(edges) : count(EdgeTable(mesh.vertexCount(), triangles.corners()));
 }
 
 /// Smallest angle over the faces face(0) ... face(count - 1).
@@ -198,9 +233,18 @@ std::size_t countFolds(const Mesh& mesh, Points rest, Points posed) {
   return countFoldsAt(mesh, triangles, mayFold(mesh, triangles, posed), rest, posed);
 }
 
-std::size_t countSharpEdges(const Mesh& mesh, Points positions) {
+std::size_t countFolds(const Mesh& mesh, const EdgeTable& edges, Points rest, Points posed) {
+  checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
+  const Triangles triangles(mesh);
+  return withEdges(mesh, edges, triangles, [&](const EdgeTable& table) { return countSharp(table, triangles, posed, rest).folds; });
+}
+
+std::size_t countSharpEdges(const Mesh& mesh, Points positions) { return countSharpEdges(mesh, EdgeTable(mesh), positions); }
+
+std::size_t countSharpEdges(const Mesh& mesh, const EdgeTable& edges, Points positions) {
   checkCount(mesh, positions.size(), "positions");
-  return countSharp(mesh, positions, positions).rest;
+  const Triangles triangles(mesh);
+  return withEdges(mesh, edges, triangles, [&](const EdgeTable& table) { return countSharp(table, triangles, positions, {}).edges; });
 }
 
 StretchReport edgeStretch(const EdgeTable& edges, Points rest, Points posed) {
@@ -242,8 +286,11 @@ QualityReport compareQuality(const Mesh& mesh, const EdgeTable& edges, Points re
   checkCount(mesh, rest.size(), "rest positions"), checkCount(mesh, posed.size(), "posed positions");
   QualityReport out;
   const Triangles triangles(mesh);
-  const SharpCounts sharp = mesh.allTriangles() ? countSharp(edges, triangles, rest, posed) : countSharp(mesh, rest, posed);
-  out.folds = sharp.folds, out.sharpRest = sharp.rest, out.sharpPosed = sharp.posed;
+  withEdges(mesh, edges, triangles, [&](const EdgeTable& table) {
+    const Sharp sharp = countSharp(table, triangles, posed, rest);
+    out.folds = sharp.folds, out.sharpPosed = sharp.edges;
+    out.sharpRest = countSharp(table, triangles, rest, {}).edges;
+  });
   using Pair = std::array<std::size_t, 2>;
   const Pair flat = deterministicReduce(
       triangles.size(), kGrain, Pair{},

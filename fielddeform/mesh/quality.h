@@ -37,8 +37,10 @@ QualityReport compareQuality(const Mesh& mesh, const EdgeTable& edges, Points re
 
 /// Folds alone.
 std::size_t countFolds(const Mesh& mesh, Points rest, Points posed);
+std::size_t countFolds(const Mesh& mesh, const EdgeTable& edges, Points rest, Points posed);
 /// Edges of exactly two triangles whose normals' cosine is below kFoldTo: the folds of one state.
 std::size_t countSharpEdges(const Mesh& mesh, Points positions);
+std::size_t countSharpEdges(const Mesh& mesh, const EdgeTable& edges, Points positions);
 StretchReport edgeStretch(const EdgeTable& edges, Points rest, Points posed);
 /// Smallest angle of all triangles with area, radians; 0 if there are none.
 double smallestAngle(const Mesh& mesh, Points positions);

@@ -14,6 +14,7 @@ namespace fielddeform::mesh {
 /// depends on the mesh alone. About 30 bytes an edge; building takes 46.
 class EdgeTable {
  public:
+  EdgeTable() = default;  ///< without edges
   explicit EdgeTable(const Mesh& mesh);
   /// @param corners  vertex indices, each less than vertexCount
   /// @param offsets  #F+1 as in Mesh, or empty if all faces are triangles

@@ -1,4 +1,5 @@
 #include <fielddeform/core/error.h>
+#include <fielddeform/core/parallel.h>
 #include <fielddeform/mesh/quality.h>
 #include <fielddeform/resample/detail/marking.h>
 #include <fielddeform/resample/detail/slivers.h>
@@ -48,11 +49,13 @@ class Refiner {
     tolerance_ = std::max(options.maxDeviation * mesh::objectSize(rest.positions()), 32 * 0x1p-52 * farthest);
   }
 
-  Refined run(std::optional<Start> start) {
+  Refined run(Start start) {
+    EdgeTable table = start.edges ? std::move(*start.edges) : EdgeTable(mesh_);
+    if (table.cornerCount() != mesh_.corners().size())
+      throw std::invalid_argument(fmt::format("start.edges: of {} corners, expected {}", table.cornerCount(), mesh_.corners().size()));
     takeStart(std::move(start));
     report_.minAngleBefore = mesh::smallestAngle(mesh_, mesh_.positions());
     const detail::Judge judge{map_, options_, tolerance_};
-    EdgeTable table(mesh_);
     EdgeMemory memory(table, mesh_.positions());
     for (;;) {
       const detail::State state{mesh_, table, images_.position, binding_.get()};
@@ -75,30 +78,31 @@ class Refiner {
       ++report_.rounds;
     }
     measure(table, memory);
-    return finish();
+    return finish(std::move(table));
   }
 
  private:
-  void takeStart(std::optional<Start> start) {
+  void takeStart(Start start) {
     const std::size_t n = mesh_.vertexCount();
-    if (start) {
+    const bool known = !(start.position.empty() && start.safe.empty() && start.status.empty() && start.residual.empty());
+    if (known) {
       const auto check = [&](std::size_t size, const char* what) {
         if (size != n) throw std::invalid_argument(fmt::format("start.{}: {} values, expected {}", what, size, n));
       };
-      check(start->position.size(), "position"), check(start->safe.size(), "safe");
-      check(start->status.size(), "status"), check(start->residual.size(), "residual");
-      images_ = {std::move(start->position), std::move(start->safe), std::move(start->status), std::move(start->residual)};
+      check(start.position.size(), "position"), check(start.safe.size(), "safe");
+      check(start.status.size(), "status"), check(start.residual.size(), "residual");
+      images_ = {std::move(start.position), std::move(start.safe), std::move(start.status), std::move(start.residual)};
     }
-    if (!start || map_.midpointsInherit()) {
+    if (!known || map_.midpointsInherit()) {
       binding_ = map_.bind(mesh_.positions());
-      if (!start) {
+      if (!known) {
         images_.resize(n);
         map_.apply(*binding_, images_.output(), progress_);
       }
       if (!map_.midpointsInherit()) binding_.reset();
     }
     makeFinite();
-    if (!start && options_.meshStep) options_.meshStep(mesh_, images_.output());
+    if (!known && options_.meshStep) options_.meshStep(mesh_, images_.output());
   }
 
   /// A map that gives no number leaves the vertex where it was: never a NaN from finite input.
@@ -175,26 +179,27 @@ class Refiner {
   }
 
   void measure(const EdgeTable& table, const EdgeMemory& memory) {
-    std::vector<double> ratio;
-    ratio.reserve(table.size());
-    for (std::size_t e = 0; e < table.size(); ++e) {
-      const auto [a, b] = table.vertices(e);
-      const double r = (images_.position[a] - images_.position[b]).norm() / memory.reference[e];
-      if (std::isfinite(r)) ratio.push_back(r);
-    }
+    std::vector<double> ratio(table.size());
+    parallelFor(ratio.size(), 4096, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t e = begin; e < end; ++e) {
+        const auto [a, b] = table.vertices(e);
+        ratio[e] = (images_.position[a] - images_.position[b]).norm() / memory.reference[e];
+      }
+    });
+    std::erase_if(ratio, [](double r) { return !std::isfinite(r); });
     if (!ratio.empty()) {
       const auto rank = static_cast<std::ptrdiff_t>((ratio.size() * 99 + 99) / 100 - 1);
       std::nth_element(ratio.begin(), ratio.begin() + rank, ratio.end());
       report_.stretchP99 = ratio[static_cast<std::size_t>(rank)];
       report_.stretchMax = *std::max_element(ratio.begin() + rank, ratio.end());
     }
-    report_.minAngleAfter = mesh::smallestAngle(mesh_, mesh_.positions());
+    report_.minAngleAfter = report_.rounds == 0 ? report_.minAngleBefore : mesh::smallestAngle(mesh_, mesh_.positions());
     const std::vector<Index> fresh = detail::replacedFaces(parentOf_);
     report_.minNewAngle = mesh::smallestAngle(mesh_, mesh_.positions(), fresh);
     report_.minNewAnglePosed = mesh::smallestAngle(mesh_, images_.position, fresh);
   }
 
-  Refined finish() {
+  Refined finish(EdgeTable edges) {
     Report& r = report_;
     r.insertedVertices = mesh_.vertexCount() - inputVertices_;
     r.insertedFaces = mesh_.faceCount() - inputFaces_;
@@ -207,7 +212,7 @@ class Refiner {
                                r.message.empty() ? "" : "; ", r.refused);
     if (layout_) mesh_.setLayout(r.rounds ? layout_->refined(parentOf_, mesh_.vertexCount()) : layout_);
     return {std::move(mesh_), std::move(images_.position), std::move(images_.status), std::move(images_.residual),
-            std::move(images_.safe), std::move(parents_), std::move(parentOf_), std::move(report_)};
+            std::move(images_.safe), std::move(parents_), std::move(parentOf_), std::move(edges), std::move(report_)};
   }
 
   const map::SpaceMap& map_;
@@ -242,7 +247,7 @@ std::string_view toString(StopReason reason) noexcept {
 
 Refined refine(const Mesh& rest, const map::SpaceMap& map, const Options& options, Progress& progress) {
   options.validate();
-  return Refiner(rest, map, options, progress).run(std::nullopt);
+  return Refiner(rest, map, options, progress).run({});
 }
 
 Refined refine(const Mesh& rest, const map::SpaceMap& map, Start start, const Options& options, Progress& progress) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <fielddeform/mesh/topology.h>
 #include <fielddeform/resample/options.h>
 
 #include <array>
@@ -44,14 +45,16 @@ struct Refined {
   std::vector<Vec3> safe;                    ///< #V, predicted positions
   std::vector<std::array<Index, 2>> parents; ///< for each inserted vertex the ends of the edge it divides, lower first
   std::vector<Index> faceParent;             ///< #F, the input's face it is part of, ascending
+  mesh::EdgeTable edges;                     ///< of `rest`
   Report report;
 };
 
-/// The images of the mesh's vertices where they are known already: #V each.
+/// What the caller knows of the mesh already.
 struct Start {
-  std::vector<Vec3> position, safe;
-  std::vector<Status> status;
-  std::vector<float> residual;
+  std::vector<Vec3> position = {}, safe = {};  ///< the images of its vertices, #V each; all four empty: not known
+  std::vector<Status> status = {};
+  std::vector<float> residual = {};
+  std::optional<mesh::EdgeTable> edges = {};   ///< its edges
 };
 
 /// Divides the edges of a mesh until its image under a map is fine enough.
@@ -72,9 +75,9 @@ struct Start {
 /// @throw std::invalid_argument for options out of range; Cancelled
 Refined refine(const mesh::Mesh& rest, const map::SpaceMap& map, const Options& options, Progress& progress);
 
-/// The same from known images, which saves binding the mesh again. Not for maps whose midpoints inherit values
+/// The same from what is known. Images save binding the mesh again, but for maps whose midpoints inherit values
 /// (SpaceMap::midpointsInherit): those need the binding, and compute it.
-/// @throw std::invalid_argument also if a count differs from the mesh's vertices
+/// @throw std::invalid_argument also if a count differs from the mesh's vertices, or that of the edges' corners from its corners
 Refined refine(const mesh::Mesh& rest, const map::SpaceMap& map, Start start, const Options& options,
                Progress& progress);
 

@@ -132,9 +132,12 @@ class Runner {
     // Masks ride along as attributes, so that inserted vertices get theirs.
     carry(kMaskName, mask_);
     carry(kVolumeMaskName, volumeMask_);
-    foldsOfInput_ = mesh::countSharpEdges(mesh_, mesh_.positions());
-    resample::Refined refined = method_->refine(mesh_, std::exchange(posed_, {}), *scene_.resample, result_.report.warnings, progress_);
+    mesh::EdgeTable edges(mesh_);
+    foldsOfInput_ = mesh::countSharpEdges(mesh_, edges, mesh_.positions());
+    resample::Refined refined =
+        method_->refine(mesh_, std::move(edges), std::exchange(posed_, {}), *scene_.resample, result_.report.warnings, progress_);
     mesh_ = std::move(refined.rest);
+    edges_ = std::move(refined.edges);
     posed_ = {std::move(refined.posed), std::move(refined.status), std::move(refined.residual)};
     result_.report.insertedVertices = mesh_.vertexCount() - before;
     if (!refined.report.message.empty()) warn(refined.report.message);
@@ -189,7 +192,7 @@ class Runner {
     volume::LocalResult passed = passOver(posed_.position);
     const std::vector<Vec3> tracked = std::exchange(posed_.position, std::move(passed.position));
     pass.result = std::move(passed.report);
-    pass.foldsBefore = mesh::countFolds(mesh_, mesh_.positions(), tracked);
+    pass.foldsBefore = edges_ ? mesh::countFolds(mesh_, *edges_, mesh_.positions(), tracked) : mesh::countFolds(mesh_, mesh_.positions(), tracked);
     std::vector<float> residual = posed_.residual;
     pass.residualBefore = maxAndP99(residual);
     method_->updateResiduals(mesh_, tracked, posed_.position, residual);
@@ -307,7 +310,7 @@ class Runner {
   std::vector<double> mask_, volumeMask_;  // #V or empty
   std::vector<double> weight_;        // the falloff's, once it was asked for
   Posed posed_;
-  std::optional<mesh::EdgeTable> edges_;              ///< of mesh_, while volume passes are on their way
+  std::optional<mesh::EdgeTable> edges_;     ///< of mesh_, once they are known
   std::optional<std::size_t> foldsOfInput_;  ///< counted before resampling divides its edges
   render::Image picture_;
 };

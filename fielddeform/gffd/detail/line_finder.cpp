@@ -8,8 +8,21 @@ namespace fielddeform::gffd::detail {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kSteepest = 0.9;  // share of a length that the slope may fall at a vertex
+// Reaches that walks are prepared for: from kFarthest sizes of the line down, 288 bytes a segment.
+constexpr std::size_t kReaches = 36, kReachesOfMany = 9, kMany = 50'000;
+constexpr double kStep = 1.25, kStepOfMany = kStep * kStep * kStep * kStep;
+constexpr double kFarthest = 8;
+constexpr std::size_t kFewest = 4;   // segments: fewer are all tried
+// Nearer to a segment's end than this share of the reach, rounding may prefer its neighbour: both are tried, from either side.
+constexpr double kUndecided = 1e-7;
 constexpr double kRounding = 1 + 1e-9;
+
+// The number, or the next float below or above.
+float below(double x) {
+  const auto f = static_cast<float>(x);
+  return f > x ? std::nextafter(f, -std::numeric_limits<float>::infinity()) : f;
+}
+float above(double x) { return -below(-x); }
 
 double squareTo(const LineSegment& s, const Vec3& p) {
   const Vec3 from = p - s.a;
@@ -24,7 +37,7 @@ LineFinder::LineFinder(const skeleton::Primitive& p) {
   const auto add = [&](const Vec3& a, const Vec3& b) {
     const Vec3 ab = b - a;
     const double length = ab.norm();
-    segments_.push_back({a, b, length > 0 ? Vec3(ab / length) : Vec3::Zero(), length, 0, 0});
+    segments_.push_back({a, b, length > 0 ? Vec3(ab / length) : Vec3::Zero(), length});
   };
   if (p.type == skeleton::PrimitiveType::Points || n == 1) {
     for (const Vec3& x : p.points) add(x, x);
@@ -34,28 +47,65 @@ LineFinder::LineFinder(const skeleton::Primitive& p) {
     if (closed_) add(p.points[n - 1], p.points[0]);
   }
   const std::size_t count = segments_.size();
-  for (std::size_t i = 0; i < count; ++i) {
-    if (i + 1 == count && !closed_) break;
-    LineSegment &s = segments_[i], &t = segments_[(i + 1) % count];
-    s.after = t.before = (t.along - s.along).norm();
-  }
+  Box whole;
   const auto size = static_cast<std::size_t>(std::clamp(std::sqrt(static_cast<double>(count) / 2), 1.0, 256.0));
   for (std::size_t begin = 0; begin < count; begin += size) {
-    Group g{Vec3::Zero(), 0, 0, static_cast<Index>(begin), static_cast<Index>(std::min(count, begin + size))};
+    Group g{Vec3::Zero(), 0, static_cast<Index>(begin), static_cast<Index>(std::min(count, begin + size))};
     Box box;
     for (Index i = g.begin; i < g.end; ++i) {
       box.extend(segments_[i].a);
       box.extend(segments_[i].b);
     }
+    whole.extend(box);
     g.centre = box.center();
     for (Index i = g.begin; i < g.end; ++i) {
       const LineSegment& s = segments_[i];
       g.radius = std::max({g.radius, (s.a - g.centre).norm(), (s.b - g.centre).norm()});
-      g.turn = std::max(g.turn, s.length > 0 ? std::max(s.before, s.after) / s.length : kInfinity);
     }
     g.radius *= kRounding;
     groups_.push_back(g);
   }
+  if (p.type != skeleton::PrimitiveType::Points && count >= kFewest) findStops((whole.max() - whole.min()).norm());
+}
+
+void LineFinder::findStops(double size) {
+  if (!(size > 0) || !std::isfinite(size)) return;
+  const std::size_t n = segments_.size();
+  // |t' - t| from one segment to the next; points in between have no direction of their own.
+  std::vector<double> turn(n, 0);
+  Vec3 last = Vec3::Zero();
+  for (std::size_t i = 0; i < n; ++i) {
+    const LineSegment& s = segments_[i];
+    if (!(s.length > 0)) continue;
+    if (i > 0 && !last.isZero(0)) turn[i - 1] = (s.along - last).norm();
+    last = s.along;
+  }
+  const bool many = n > kMany;
+  greatest_ = kFarthest * size, step_ = many ? kStepOfMany : kStep;
+  double reach = greatest_;
+  for (std::size_t k = 0; k < (many ? kReachesOfMany : kReaches); ++k, reach /= step_) {
+    std::vector<WalkStop>& stops = stops_.emplace_back(n);
+    const double undecided = reach * kUndecided;
+    double need = 0;
+    for (std::size_t i = n; i-- > 0;) {
+      need = (need + reach * turn[i]) * kRounding;
+      stops[i].after = below(segments_[i].length - need - undecided);
+      need = std::max(0.0, need - segments_[i].length);
+    }
+    need = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (i > 0) need = (need + reach * turn[i - 1]) * kRounding;
+      stops[i].before = above(need + undecided);
+      need = std::max(0.0, need - segments_[i].length);
+    }
+  }
+}
+
+const WalkStop* LineFinder::stopsFor(double reach) const {
+  if (!(reach <= greatest_)) return nullptr;
+  std::size_t k = 0;
+  for (double next = greatest_ / step_; k + 1 < stops_.size() && reach <= next; next /= step_) ++k;
+  return stops_[k].data();
 }
 
 LineFinder::Nearby LineFinder::nearby(const Vec3& centre, double radius) const {
@@ -74,28 +124,27 @@ LineFinder::Nearby LineFinder::nearby(const Vec3& centre, double radius) const {
   }
   const double limit = (std::sqrt(best) + 2 * radius) * kRounding;
   out.least = low - radius;
-  std::size_t first = n, last = 0, held = 0;
-  double turn = 0;
+  std::size_t first = n, last = 0;
   for (std::size_t g = 0; g < n; ++g) {
-    const double d = (centre - groups_[g].centre).norm();
-    if (!(d - groups_[g].radius <= limit)) continue;
+    if (!((centre - groups_[g].centre).norm() - groups_[g].radius <= limit)) continue;
     first = std::min(first, g);
     last = g;
-    ++held;
-    turn = std::max(turn, groups_[g].turn);
-    out.reach = std::max(out.reach, d + groups_[g].radius + radius);
   }
-  if (held == 0) first = 0, last = n - 1, held = 0;  // no number: every comparison failed
+  const bool none = first == n;  // no number: every comparison failed
+  if (none) first = 0, last = n - 1;
   out.begin = groups_[first].begin;
   out.end = groups_[last].end;
   // Around the seam of a closed line the nearest segments are at both ends of the list.
   const bool seam = closed_ && (first == 0 || last + 1 == n);
-  out.certain = held == last - first + 1 && !seam && turn * out.reach < kSteepest;
+  if (none || seam || stops_.empty()) return out;
+  double reach = 0;  // no point of the block is farther from a point of those segments
+  for (std::size_t g = first; g <= last; ++g) reach = std::max(reach, (centre - groups_[g].centre).norm() + groups_[g].radius + radius);
+  out.stops = stopsFor(reach);
   return out;
 }
 
 void LineFinder::find(const Nearby& near, const Block& points, std::size_t count, LineHits& hits) const {
-  walkLine({segments_.data(), near.begin, near.end, near.start, near.reach, near.certain, points, count, hits});
+  walkLine({segments_.data(), near.begin, near.end, near.start, near.stops, points, count, hits});
   for (std::size_t p = count; p < kLanes; ++p) {
     hits.x[p] = hits.x[0];
     hits.y[p] = hits.y[0];

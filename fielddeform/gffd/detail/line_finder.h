@@ -12,16 +12,16 @@ namespace fielddeform::gffd::detail {
 /// (below), and by trying every segment that can be the nearest elsewhere; of segments equally near the first counts.
 ///
 /// f(s) = |P - line(s)|^2 / 2 has slope -(P - line) . t, which grows by the length of a segment along it and falls by at
-/// most |P - vertex| |t' - t| at a vertex. Where that fall is less than 0.9 lengths at both ends of every segment near the
-/// block, a foot farther from a segment's end than the fall has no other minimum beyond that end: the walk may stop.
+/// most |P - vertex| |t' - t| at a vertex. From the falls for points within a reach follows, from the line's end backwards, how
+/// steep f must be at a segment's end to rise ever after: a foot so far from it has no other minimum beyond, and the walk may
+/// stop. Where a line bends more sharply than a point is far away, that is late.
 class LineFinder {
  public:
   struct Nearby {
     Index begin = 0, end = 0;  ///< segments that can be nearest to a point of the block
     Index start = 0;           ///< the nearest to its centre
-    double reach = 0;          ///< no point of the block is farther from a point of those segments
     double least = 0;          ///< no point of the block is nearer to the line
-    bool certain = false;      ///< the walk finds the nearest
+    const WalkStop* stops = nullptr;  ///< of all segments: where a walk may stop; null: it could miss the nearest
   };
 
   /// @param p  a polyline or points
@@ -37,11 +37,15 @@ class LineFinder {
   struct Group {
     Vec3 centre;
     double radius;
-    double turn;  // greatest |t' - t| / length
     Index begin, end;
   };
+  void findStops(double size);
+  const WalkStop* stopsFor(double reach) const;
+
   bool closed_ = false;
   std::vector<LineSegment> segments_;
+  std::vector<std::vector<WalkStop>> stops_;  ///< for reaches greatest_, a step_-th of it, ...; empty: no walks
+  double greatest_ = 0, step_ = 0;            ///< reach, world
   std::vector<Group> groups_;
 };
 

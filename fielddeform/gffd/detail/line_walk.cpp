@@ -13,8 +13,6 @@ using fielddeform::detail::SimdLevel;
 using fielddeform::detail::simdLevel;
 
 constexpr int kJumps = 8;
-// Nearer to a segment's end than this share of the reach, rounding may prefer its neighbour: both are tried, from either side.
-constexpr double kUndecided = 1e-7;
 
 // By the lengths of the segments to about where a point is: from there a walk is short.
 FIELDDEFORM_SIMD_INLINE Index jump(const WalkTask& task, double x, double y, double z) {
@@ -70,17 +68,17 @@ FIELDDEFORM_SIMD_INLINE void walk(const WalkTask& task, Index at, const Pack& x,
   footOn(s[at], at, x, y, z, best);
   const Pack start = best.along;
   Foot<Pack> f;
-  auto going = start >= s[at].length - task.reach * (s[at].after + kUndecided);
+  auto going = start >= task.stops[at].after;
   for (Index i = at; i + 1 < task.end && anyLane(going); ++i) {
     footOn(s[i + 1], i + 1, x, y, z, f);
     take(f.square < best.square, f, best);
-    going &= f.along >= s[i + 1].length - task.reach * (s[i + 1].after + kUndecided);
+    going &= f.along >= task.stops[i + 1].after;
   }
-  going = start <= task.reach * (s[at].before + kUndecided);
+  going = start <= task.stops[at].before;
   for (Index i = at; i > task.begin && anyLane(going); --i) {
     footOn(s[i - 1], i - 1, x, y, z, f);
     take(f.square <= best.square, f, best);  // of equals the first
-    going &= f.along <= task.reach * (s[i - 1].before + kUndecided);
+    going &= f.along <= task.stops[i - 1].before;
   }
 }
 
@@ -105,7 +103,7 @@ FIELDDEFORM_SIMD_INLINE void walkKernel(const WalkTask& task) {
     loadLanes(task.points.y, p, task.count, y);
     loadLanes(task.points.z, p, task.count, z);
     Foot<Pack> best;
-    if (task.certain) walk(task, jump(task, task.points.x[p], task.points.y[p], task.points.z[p]), x, y, z, best);
+    if (task.stops) walk(task, jump(task, task.points.x[p], task.points.y[p], task.points.z[p]), x, y, z, best);
     else tryAll(task, x, y, z, best);
     storeLanes(best.x, task.hits.x + p);
     storeLanes(best.y, task.hits.y + p);

@@ -6,13 +6,16 @@
 namespace fielddeform::resample::detail {
 namespace {
 
-constexpr std::size_t kBatch = 1 << 16;  ///< midpoints bound at once: bounds the memory of their binding
+constexpr std::size_t kGrain = 4096;
+
+/// Edges judged at once: bounds the memory of their midpoints' binding, and keeps it small beside the mesh's own.
+std::size_t batchOf(std::size_t count) { return std::clamp<std::size_t>(count / 8, 1 << 13, 1 << 16); }
 
 /// What the ends alone tell about an edge.
 struct Candidate {
   Index edge;
-  double stretch;  ///< deformed length / (maxStretch * reference): too long from 1 on
   bool forced;
+  double stretch;  ///< deformed length / (maxStretch * reference): too long from 1 on
 };
 
 bool finite(Points rest, Points posed, Index a, Index b) {
@@ -27,31 +30,48 @@ bool mayDeviate(const Judge& judge, Points rest, Points posed, Index a, Index b)
          std::max((posed[a] - posed[b]).norm(), (rest[a] - rest[b]).norm()) > judge.tolerance;
 }
 
-/// The edges with a moved vertex whose midpoint has to be mapped: forced ones, too long ones, those that may deviate.
-std::vector<Candidate> candidates(const Judge& judge, const State& state, EdgeMemory& memory,
-                                  std::span<const Index> forced) {
-  const mesh::EdgeTable& table = state.table;
-  const Points rest = state.mesh.positions(), posed = state.posed;
-  std::vector<double> stretch(table.size(), -1);
-  std::vector<std::uint8_t> isForced(table.size(), 0);
-  for (const Index e : forced) isForced[e] = memory.settled[e] != kRefused;
-  parallelFor(table.size(), 4096, [&](std::size_t begin, std::size_t end) {
+/// Finds the edges with a moved vertex whose midpoint has to be mapped: forced ones, too long ones, those that may deviate.
+class Candidates {
+ public:
+  Candidates(const Judge& judge, const State& state, EdgeMemory& memory, std::span<const Index> forced)
+      : judge_(judge), state_(state), memory_(memory), forced_(forced) {}
+
+  /// Of the edges from begin to end, ascending.
+  std::span<const Candidate> among(std::size_t begin, std::size_t end) {
+    parts_.resize((end - begin + kGrain - 1) / kGrain);
+    parallelFor(end - begin, kGrain, [&](std::size_t first, std::size_t last) { look(begin + first, begin + last, parts_[first / kGrain]); });
+    found_.clear();
+    for (const auto& part : parts_) found_.insert(found_.end(), part.begin(), part.end());
+    return found_;
+  }
+
+ private:
+  void look(std::size_t begin, std::size_t end, std::vector<Candidate>& out) const {
+    const Points rest = state_.mesh.positions(), posed = state_.posed;
+    auto next = std::lower_bound(forced_.begin(), forced_.end(), begin);
+    out.clear();
     for (std::size_t e = begin; e < end; ++e) {
-      if (memory.settled[e] && !isForced[e]) continue;
-      memory.settled[e] = 1;
-      const auto [a, b] = table.vertices(e);
-      if (!finite(rest, posed, a, b) || !(isForced[e] || moved(rest, posed, a, b))) continue;
-      const double bound = judge.options.maxStretch * memory.reference[e];
+      bool forced = next != forced_.end() && *next == e;
+      if (forced) ++next;
+      forced = forced && memory_.settled[e] != kRefused;
+      if (memory_.settled[e] && !forced) continue;
+      memory_.settled[e] = 1;
+      const auto [a, b] = state_.table.vertices(e);
+      if (!finite(rest, posed, a, b) || !(forced || moved(rest, posed, a, b))) continue;
+      const double bound = judge_.options.maxStretch * memory_.reference[e];
       const double ratio = (posed[a] - posed[b]).norm() / bound;
-      const bool tooLong = judge.options.by != Criterion::Deviation && bound > 0 && ratio >= 1;
-      if (tooLong || isForced[e] || mayDeviate(judge, rest, posed, a, b)) stretch[e] = tooLong ? ratio : 0;
+      const bool tooLong = judge_.options.by != Criterion::Deviation && bound > 0 && ratio >= 1;
+      if (tooLong || forced || mayDeviate(judge_, rest, posed, a, b)) out.push_back({static_cast<Index>(e), forced, tooLong ? ratio : 0});
     }
-  });
-  std::vector<Candidate> out;
-  for (std::size_t e = 0; e < table.size(); ++e)
-    if (stretch[e] >= 0) out.push_back({static_cast<Index>(e), stretch[e], isForced[e] != 0});
-  return out;
-}
+  }
+
+  const Judge& judge_;
+  const State& state_;
+  EdgeMemory& memory_;
+  std::span<const Index> forced_;
+  std::vector<std::vector<Candidate>> parts_;
+  std::vector<Candidate> found_;
+};
 
 /// Distance of a point from the segment a b.
 double distance(const Vec3& p, const Vec3& a, const Vec3& b) {
@@ -90,53 +110,79 @@ std::size_t Marking::tooCoarse() const {
 
 namespace {
 
-/// Maps the midpoints of pairs of vertices in batches: each(i, images, k) for pair i, the batch's k-th.
-template <class Each>
-void mapMidpoints(const map::SpaceMap& map, const State& state, std::span<const std::array<Index, 2>> pairs,
-                  Progress& progress, Each&& each) {
-  const std::vector<Vec3>& rest = state.mesh.positions();
-  std::vector<Vec3> middle;
-  Images images;
-  const double total = static_cast<double>(pairs.size());
-  for (std::size_t first = 0; first < pairs.size(); first += kBatch) {
-    progress.throwIfCancelled();
-    const auto batch = pairs.subspan(first, std::min(kBatch, pairs.size() - first));
-    middle.clear();
-    for (const auto& [a, b] : batch) middle.push_back(0.5 * (rest[a] + rest[b]));
-    images.resize(batch.size());
-    const auto bound = state.binding ? map.bindMidpoints(*state.binding, rest, batch) : map.bind(middle);
-    PartProgress part(progress, static_cast<double>(first) / total, static_cast<double>(first + batch.size()) / total);
-    map.apply(*bound, images.output(), part);
-    for (std::size_t k = 0; k < batch.size(); ++k) each(first + k, images, k);
+/// The images of midpoints of pairs of vertices, a batch at a time.
+class Midpoints {
+ public:
+  Midpoints(const map::SpaceMap& map, const State& state) : map_(map), state_(state) {}
+
+  /// @return by pair; until the next call
+  const Images& of(std::span<const std::array<Index, 2>> pairs, Progress& progress) {
+    const std::vector<Vec3>& rest = state_.mesh.positions();
+    images_.resize(pairs.size());
+    if (state_.binding) {
+      map_.apply(*map_.bindMidpoints(*state_.binding, rest, pairs), images_.output(), progress);
+      return images_;
+    }
+    middle_.resize(pairs.size());
+    parallelFor(pairs.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) middle_[i] = 0.5 * (rest[pairs[i][0]] + rest[pairs[i][1]]);
+    });
+    map_.apply(*map_.bind(middle_), images_.output(), progress);
+    return images_;
   }
+
+ private:
+  const map::SpaceMap& map_;
+  const State& state_;
+  std::vector<Vec3> middle_;
+  Images images_;
+};
+
+/// The share of a whole that a batch is, as progress.
+PartProgress partOf(Progress& whole, std::size_t begin, std::size_t end, std::size_t count) {
+  return {whole, static_cast<double>(begin) / static_cast<double>(count), static_cast<double>(end) / static_cast<double>(count)};
 }
 
 }  // namespace
 
 Marking Judge::mark(const State& state, EdgeMemory& memory, std::span<const Index> forced, Progress& progress) const {
-  const std::vector<Candidate> todo = candidates(*this, state, memory, forced);
+  Candidates candidates(*this, state, memory, forced);
+  Midpoints midpoints(map, state);
   std::vector<std::array<Index, 2>> ends;
-  ends.reserve(todo.size());
-  for (const Candidate& c : todo) ends.push_back(state.table.vertices(c.edge));
+  std::vector<double> off;
   Marking out;
-  mapMidpoints(map, state, ends, progress, [&](std::size_t i, const Images& images, std::size_t k) {
-    const Candidate& c = todo[i];
-    const Vec3& image = images.position[k];
-    if (!image.allFinite()) {
-      ++out.refused;
-      memory.settled[c.edge] = kRefused;
-      return;
+  const std::size_t count = state.table.size(), batch = batchOf(count);
+  for (std::size_t begin = 0; begin < count; begin += batch) {
+    const std::size_t end = std::min(count, begin + batch);
+    progress.throwIfCancelled();
+    const std::span<const Candidate> todo = candidates.among(begin, end);
+    if (todo.empty()) continue;
+    ends.resize(todo.size()), off.resize(todo.size());
+    for (std::size_t i = 0; i < todo.size(); ++i) ends[i] = state.table.vertices(todo[i].edge);
+    PartProgress part = partOf(progress, begin, end, count);
+    const Images& images = midpoints.of(ends, part);
+    parallelFor(todo.size(), kGrain, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i)
+        off[i] = options.by == Criterion::Stretch ? 0 : distance(images.position[i], state.posed[ends[i][0]], state.posed[ends[i][1]]);
+    });
+    for (std::size_t i = 0; i < todo.size(); ++i) {
+      const Candidate& c = todo[i];
+      const Vec3& image = images.position[i];
+      if (!image.allFinite()) {
+        ++out.refused;
+        memory.settled[c.edge] = kRefused;
+        continue;
+      }
+      const double share = off[i] > tolerance ? off[i] / tolerance : 0;
+      if (c.stretch < 1 && share < 1 && !c.forced) {
+        out.deviation = std::max(out.deviation, off[i]);
+        continue;
+      }
+      memory.settled[c.edge] = 0;
+      const Vec3& safe = images.safe[i].allFinite() ? images.safe[i] : image;
+      out.edges.push_back({c.edge, images.residual[i], std::max(c.stretch, share), image, safe, images.status[i]});
     }
-    const double off = options.by == Criterion::Stretch ? 0 : distance(image, state.posed[ends[i][0]], state.posed[ends[i][1]]);
-    const double share = off > tolerance ? off / tolerance : 0;
-    if (c.stretch < 1 && share < 1 && !c.forced) {
-      out.deviation = std::max(out.deviation, off);
-      return;
-    }
-    memory.settled[c.edge] = 0;
-    const Vec3& safe = images.safe[k].allFinite() ? images.safe[k] : image;
-    out.edges.push_back({c.edge, images.residual[k], std::max(c.stretch, share), image, safe, images.status[k]});
-  });
+  }
   return out;
 }
 
@@ -164,12 +210,20 @@ void Judge::markPolygons(const State& state, std::vector<std::uint8_t>& faceSett
         owner.push_back(static_cast<Index>(f));
       }
   }
-  mapMidpoints(map, state, diagonals, progress, [&](std::size_t i, const Images& images, std::size_t k) {
-    const Vec3& image = images.position[k];
-    if (!image.allFinite()) return;
-    const double off = distance(image, state.posed[diagonals[i][0]], state.posed[diagonals[i][1]]);
-    if (off > tolerance && (marking.asFan.empty() || marking.asFan.back() != owner[i])) marking.asFan.push_back(owner[i]);
-  });
+  Midpoints midpoints(map, state);
+  const std::size_t batch = batchOf(diagonals.size());
+  for (std::size_t begin = 0; begin < diagonals.size(); begin += batch) {
+    const std::size_t end = std::min(diagonals.size(), begin + batch);
+    progress.throwIfCancelled();
+    PartProgress part = partOf(progress, begin, end, diagonals.size());
+    const Images& images = midpoints.of(std::span(diagonals).subspan(begin, end - begin), part);
+    for (std::size_t i = begin; i < end; ++i) {
+      const Vec3& image = images.position[i - begin];
+      if (!image.allFinite()) continue;
+      const double off = distance(image, state.posed[diagonals[i][0]], state.posed[diagonals[i][1]]);
+      if (off > tolerance && (marking.asFan.empty() || marking.asFan.back() != owner[i])) marking.asFan.push_back(owner[i]);
+    }
+  }
 }
 
 }  // namespace fielddeform::resample::detail

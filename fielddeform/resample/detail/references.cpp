@@ -21,8 +21,10 @@ double meanReference(const EdgeMemory& memory, const mesh::EdgeTable& table, con
 }  // namespace
 
 EdgeMemory::EdgeMemory(const mesh::EdgeTable& table, Points rest) : reference(table.size()), settled(table.size(), 0) {
-  for (std::size_t e = 0; e < table.size(); ++e)
-    reference[e] = (rest[table.vertices(e)[0]] - rest[table.vertices(e)[1]]).norm();
+  parallelFor(table.size(), 4096, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t e = begin; e < end; ++e)
+      reference[e] = (rest[table.vertices(e)[0]] - rest[table.vertices(e)[1]]).norm();
+  });
 }
 
 EdgeMemory carryOver(const EdgeMemory& memory, const mesh::EdgeTable& old, const mesh::Mesh& oldMesh,

@@ -35,7 +35,8 @@ class Method {
   virtual Posed track(const mesh::Mesh& mesh, std::vector<std::string>& warnings, Progress& progress) = 0;
   /// Refines the mesh under the map.
   /// @param tracked  what track() gave
-  virtual resample::Refined refine(const mesh::Mesh& mesh, Posed tracked, const resample::Options& options,
+  /// @param edges    of the mesh
+  virtual resample::Refined refine(const mesh::Mesh& mesh, mesh::EdgeTable edges, Posed tracked, const resample::Options& options,
                                    std::vector<std::string>& warnings, Progress& progress) = 0;
   /// The method's own entries of the report.
   virtual void describe(Report& report) const = 0;
