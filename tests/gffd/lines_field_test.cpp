@@ -51,6 +51,19 @@ std::vector<skeleton::Skeleton> skeletons() {
   all.push_back({{primitive("hairpin", {{-1, 0, 0}, {0, 0, 0}, {-1, 0.1, 0}}, 0.8)}, {}});
   all.push_back({{primitive("twice", {{-1, 0, 0}, {0, 0, 0}, {0, 0, 0}, {1, 0.5, 0}}, 0.8)}, {}});
   all.push_back({{primitive("walk", randomWalk(40, 5), 0.6)}, {}});
+  // Straight pieces in many segments, so that whole bends lie in single vertices; some points twice.
+  std::vector<Vec3> pieces;
+  const auto corners = randomWalk(14, 21);
+  for (std::size_t i = 0; i + 1 < corners.size(); ++i)
+    for (int k = 0; k < 7; ++k) {
+      pieces.push_back(corners[i] + k / 7.0 * (corners[i + 1] - corners[i]));
+      if (i % 3 == 0 && k % 4 == 0) pieces.push_back(pieces.back());
+    }
+  all.push_back({{primitive("pieces", pieces, 0.6)}, {}});
+  // Bent far more sharply than points are away.
+  std::vector<Vec3> coil;
+  for (int i = 0; i < 400; ++i) coil.emplace_back(0.05 * std::cos(0.35 * i), 0.05 * std::sin(0.35 * i), 0.004 * i - 0.8);
+  all.push_back({{primitive("coil", coil, 0.5)}, {}});
   auto ring = primitive("ring", fielddeform::tests::bendMap(fielddeform::tests::verticalLine(40, 2), 6.1), 0.3);
   ring.closed = true;
   all.push_back({{ring}, {}});

@@ -67,6 +67,48 @@ TEST(Folds, DoNotDependOnTheNeighboursOrientation) {
   EXPECT_EQ(countFolds(mixed, m.positions(), foldedGrid(m, 0.9 * std::numbers::pi)), 8u);
 }
 
+TEST(Folds, AreFoundWhereTheTwoSidesAreTurnedAgainstEachOther) {
+  // Folded shut along the very seam, all normals point the same way.
+  const Mesh m = grid(8);
+  std::vector<Index> corners = m.corners();
+  for (std::size_t t = 0; t < corners.size(); t += 3) {
+    const double x = (m.positions()[corners[t]] + m.positions()[corners[t + 1]] + m.positions()[corners[t + 2]]).x() / 3;
+    if (x > 0.5) std::swap(corners[t], corners[t + 1]);
+  }
+  const Mesh seamed(m.positions(), corners);
+  const auto shut = foldedGrid(m, std::numbers::pi);
+  ASSERT_EQ(compareQuality(seamed, m.positions(), shut).folds, 8u);
+  EXPECT_EQ(countFolds(seamed, m.positions(), shut), 8u);
+}
+
+TEST(Folds, AreTheSameFromKnownEdges) {
+  const Mesh m = grid(8);
+  const EdgeTable edges(m);
+  const auto folded = foldedGrid(m, 0.9 * std::numbers::pi);
+  EXPECT_EQ(countFolds(m, edges, m.positions(), folded), 8u);
+  EXPECT_EQ(countSharpEdges(m, edges, folded), 8u);
+  EXPECT_EQ(countSharpEdges(m, edges, m.positions()), 0u);
+  const Mesh quad({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {0, 1, 2, 3}, {0, 4});
+  auto posed = quad.positions();
+  posed[3] = {1, 0.1, 0.1};
+  EXPECT_EQ(countFolds(quad, EdgeTable(quad), quad.positions(), posed), 1u) << "across the diagonal, which is none of the edges";
+  EXPECT_THROW(countFolds(m, edges, m.positions(), posed), std::invalid_argument);
+}
+
+TEST(Folds, CosinesNearTheBoundAreDecidedExactly) {
+  // Two triangles about the y axis: the cosine is that of the angle between them.
+  const Mesh m({{0, 0, 0}, {0, 1, 0}, {1, 0.5, 0}, {-1, 0.5, 0}}, {0, 2, 1, 0, 1, 3});
+  const double bound = std::acos(kFoldTo);
+  for (const double off : {1e-12, 1e-9, 1e-7, 1e-5, 1e-3})
+    for (const double sign : {-1.0, 1.0}) {
+      auto posed = m.positions();
+      const double angle = bound + sign * off;
+      posed[3] = {-std::cos(angle), 0.5, std::sin(angle)};
+      EXPECT_EQ(compareQuality(m, m.positions(), posed).folds, sign > 0 ? 1u : 0u) << off;
+      EXPECT_EQ(countSharpEdges(m, posed), sign > 0 ? 1u : 0u) << off;
+    }
+}
+
 TEST(Folds, LeaveDegenerateAndNonFiniteTrianglesAside) {
   const Mesh m = grid(2);
   auto posed = foldedGrid(m, 3.0);

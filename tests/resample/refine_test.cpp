@@ -356,6 +356,20 @@ TEST(Refine, BindsMidpointsInBoundedBatchesAndJudgesEachEdgeOnce) {
   EXPECT_LE(bend.bound, 2 * m.vertexCount() + EdgeTable(m).size());
 }
 
+TEST(Refine, KnownEdgesGiveTheSameAndTheResultsEdgesComeBack) {
+  const Mesh m = bar(2, 10, 1);
+  const FunctionMap bend = bendMap(kPi, 10);
+  Progress progress;
+  const Refined anew = run(m, bend), known = refine(m, bend, {.edges = EdgeTable(m)}, {}, progress);
+  ASSERT_GT(anew.report.insertedVertices, 10u);
+  EXPECT_EQ(known.posed, anew.posed);
+  EXPECT_EQ(known.rest.corners(), anew.rest.corners());
+  const EdgeTable edges(anew.rest);
+  ASSERT_EQ(anew.edges.size(), edges.size());
+  for (std::size_t e = 0; e < edges.size(); ++e) ASSERT_EQ(anew.edges.vertices(e), edges.vertices(e));
+  EXPECT_THROW(refine(m, bend, {.edges = EdgeTable(bar(3, 10, 1))}, {}, progress), std::invalid_argument);
+}
+
 TEST(Refine, StartFromKnownImagesGivesTheSame) {
   const Mesh m = bar(2, 10, 1);
   const FunctionMap bend = bendMap(kPi, 10);
