@@ -6,11 +6,8 @@
 /// Run-time choice of vector instructions. A kernel is one always-inlined function over lanes that never meet (each lane
 /// adds in the same order at any width, and nothing is fused: -ffp-contract=off), wrapped once a level:
 ///
-///   template <...> FIELDDEFORM_SIMD_INLINE void kernel(...);
-///   void kernelBaseline(...) { kernel(...); }
-///   FIELDDEFORM_SIMD_AVX2 void kernelAvx2(...) { kernel(...); }
-///   FIELDDEFORM_SIMD_AVX512 void kernelAvx512(...) { kernel(...); }
-///   ... switch (simdLevel()) ...
+///   template <class Level> FIELDDEFORM_SIMD_INLINE void kernel(const Task& task);
+///   FIELDDEFORM_LEVELS(run, const Task, kernel)  // within an unnamed namespace: void run(const Task&)
 ///
 /// so that every processor writes the same bytes. Such kernels call no function that is not always inlined.
 #define FIELDDEFORM_SIMD_INLINE inline __attribute__((always_inline))
@@ -64,3 +61,18 @@ class SimdLimit {
 };
 
 }  // namespace fielddeform::detail
+
+/// Defines void name(Task& task): kernel<one of three classes of vectors>(task) at the level of this processor.
+#define FIELDDEFORM_LEVELS_OF(name, Task, kernel, OfBaseline, OfAvx2, OfAvx512)             \
+  void name##Baseline(Task& task) { kernel<OfBaseline>(task); }                             \
+  FIELDDEFORM_SIMD_AVX2 void name##Avx2(Task& task) { kernel<OfAvx2>(task); }               \
+  FIELDDEFORM_SIMD_AVX512 void name##Avx512(Task& task) { kernel<OfAvx512>(task); }         \
+  void name(Task& task) {                                                                   \
+    switch (::fielddeform::detail::simdLevel()) {                                           \
+      case ::fielddeform::detail::SimdLevel::Avx512: return name##Avx512(task);             \
+      case ::fielddeform::detail::SimdLevel::Avx2: return name##Avx2(task);                 \
+      case ::fielddeform::detail::SimdLevel::Baseline: return name##Baseline(task);         \
+    }                                                                                       \
+  }
+/// The same with what Baseline, Avx2 and Avx512 mean where it stands: the vectors above, or classes with more.
+#define FIELDDEFORM_LEVELS(name, Task, kernel) FIELDDEFORM_LEVELS_OF(name, Task, kernel, Baseline, Avx2, Avx512)

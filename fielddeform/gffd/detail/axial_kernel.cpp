@@ -169,9 +169,9 @@ FIELDDEFORM_SIMD_INLINE void finishKernel(const FinishTask& task) {
   }
 }
 
-FIELDDEFORM_LEVELS(runOne, OneTask, oneKernel)
-FIELDDEFORM_LEVELS(runAdd, AddTask, addKernel)
-FIELDDEFORM_LEVELS(runFinish, FinishTask, finishKernel)
+FIELDDEFORM_LANES(runOne, OneTask, oneKernel)
+FIELDDEFORM_LANES(runAdd, AddTask, addKernel)
+FIELDDEFORM_LANES(runFinish, FinishTask, finishKernel)
 
 }  // namespace
 

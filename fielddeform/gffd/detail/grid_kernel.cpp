@@ -167,11 +167,11 @@ FIELDDEFORM_SIMD_INLINE void finishKernel(const FinishTask& task) {
   }
 }
 
-FIELDDEFORM_LEVELS(runNodes, NodesTask, nodesKernel)
-FIELDDEFORM_LEVELS(runCubic, CubicTask, cubicKernel)
-FIELDDEFORM_LEVELS(runOne, OneTask, oneKernel)
-FIELDDEFORM_LEVELS(runAdd, AddTask, addKernel)
-FIELDDEFORM_LEVELS(runFinish, FinishTask, finishKernel)
+FIELDDEFORM_LANES(runNodes, NodesTask, nodesKernel)
+FIELDDEFORM_LANES(runCubic, CubicTask, cubicKernel)
+FIELDDEFORM_LANES(runOne, OneTask, oneKernel)
+FIELDDEFORM_LANES(runAdd, AddTask, addKernel)
+FIELDDEFORM_LANES(runFinish, FinishTask, finishKernel)
 
 }  // namespace
 

@@ -75,14 +75,4 @@ FIELDDEFORM_SIMD_INLINE void powerOfTwoLanes(const Pack& x, Pack& out) {
 }  // namespace fielddeform::gffd::detail
 
 /// Defines void name(const Task&): kernel<Lanes> at the level of this processor.
-#define FIELDDEFORM_LEVELS(name, Task, kernel)                                               \
-  void name##Baseline(const Task& task) { kernel<BaselineLanes>(task); }                     \
-  FIELDDEFORM_SIMD_AVX2 void name##Avx2(const Task& task) { kernel<Avx2Lanes>(task); }       \
-  FIELDDEFORM_SIMD_AVX512 void name##Avx512(const Task& task) { kernel<Avx512Lanes>(task); } \
-  void name(const Task& task) {                                                              \
-    switch (simdLevel()) {                                                                   \
-      case SimdLevel::Avx512: return name##Avx512(task);                                     \
-      case SimdLevel::Avx2: return name##Avx2(task);                                         \
-      case SimdLevel::Baseline: return name##Baseline(task);                                 \
-    }                                                                                        \
-  }
+#define FIELDDEFORM_LANES(name, Task, kernel) FIELDDEFORM_LEVELS_OF(name, const Task, kernel, BaselineLanes, Avx2Lanes, Avx512Lanes)

@@ -114,18 +114,10 @@ FIELDDEFORM_SIMD_INLINE void walkKernel(const WalkTask& task) {
   }
 }
 
-void walkBaseline(const WalkTask& task) { walkKernel<BaselineLanes>(task); }
-FIELDDEFORM_SIMD_AVX2 void walkAvx2(const WalkTask& task) { walkKernel<Avx2Lanes>(task); }
-FIELDDEFORM_SIMD_AVX512 void walkAvx512(const WalkTask& task) { walkKernel<Avx512Lanes>(task); }
+FIELDDEFORM_LANES(runWalk, WalkTask, walkKernel)
 
 }  // namespace
 
-void walkLine(const WalkTask& task) {
-  switch (simdLevel()) {
-    case SimdLevel::Avx512: return walkAvx512(task);
-    case SimdLevel::Avx2: return walkAvx2(task);
-    case SimdLevel::Baseline: return walkBaseline(task);
-  }
-}
+void walkLine(const WalkTask& task) { runWalk(task); }
 
 }  // namespace fielddeform::gffd::detail

@@ -228,19 +228,12 @@ FIELDDEFORM_SIMD_INLINE void mlsKernel(const Task& task) {
   }
 }
 
-void mlsBaseline(const Task& task) { mlsKernel<BaselineLanes>(task); }
-FIELDDEFORM_SIMD_AVX2 void mlsAvx2(const Task& task) { mlsKernel<Avx2Lanes>(task); }
-FIELDDEFORM_SIMD_AVX512 void mlsAvx512(const Task& task) { mlsKernel<Avx512Lanes>(task); }
+FIELDDEFORM_LANES(runMls, Task, mlsKernel)
 
 }  // namespace
 
 void mlsMotions(std::span<const MlsTerm> terms, std::span<const MlsRun> runs, const Block& points, std::size_t count, MlsBlock& out) {
-  const Task task{terms, runs, points, count, out};
-  switch (simdLevel()) {
-    case SimdLevel::Avx512: return mlsAvx512(task);
-    case SimdLevel::Avx2: return mlsAvx2(task);
-    case SimdLevel::Baseline: return mlsBaseline(task);
-  }
+  runMls({terms, runs, points, count, out});
 }
 
 }  // namespace fielddeform::gffd::detail

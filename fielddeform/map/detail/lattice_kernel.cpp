@@ -215,25 +215,12 @@ FIELDDEFORM_SIMD_INLINE void addKernel(AddTask& task) {
   task.finite = sum == 0;
 }
 
-#define FIELDDEFORM_LEVELS(name, Task, kernel)                                         \
-  void name##Baseline(Task& task) { kernel<Baseline>(task); }                          \
-  FIELDDEFORM_SIMD_AVX2 void name##Avx2(Task& task) { kernel<Avx2>(task); }            \
-  FIELDDEFORM_SIMD_AVX512 void name##Avx512(Task& task) { kernel<Avx512>(task); }      \
-  void name(Task& task) {                                                              \
-    switch (simdLevel()) {                                                             \
-      case SimdLevel::Avx512: return name##Avx512(task);                               \
-      case SimdLevel::Avx2: return name##Avx2(task);                                   \
-      case SimdLevel::Baseline: return name##Baseline(task);                           \
-    }                                                                                  \
-  }
-
 FIELDDEFORM_LEVELS(pieceWeights, const WeightTask, weightsKernel)
 FIELDDEFORM_LEVELS(combineCubic, const SumTask, cubicKernel)
 FIELDDEFORM_LEVELS(combineAny, const SumTask, anyKernel)
 FIELDDEFORM_LEVELS(scatterAny, const SumTask, scatterKernel)
 FIELDDEFORM_LEVELS(addAll, AddTask, addKernel)
 
-#undef FIELDDEFORM_LEVELS
 #undef PACK
 #undef PACK_OUT
 

@@ -271,23 +271,10 @@ FIELDDEFORM_SIMD_INLINE void addThreeKernel(const AddTask& task) {
   addKernel<L, 3>(task);
 }
 
-// Defines void name(const Task&): kernel<Level> at the level of this processor.
-#define CUBIC_LEVELS(name, Task, kernel)                                                \
-  void name##Baseline(const Task& task) { kernel<Baseline>(task); }                     \
-  FIELDDEFORM_SIMD_AVX2 void name##Avx2(const Task& task) { kernel<Avx2>(task); }       \
-  FIELDDEFORM_SIMD_AVX512 void name##Avx512(const Task& task) { kernel<Avx512>(task); } \
-  void name(const Task& task) {                                                         \
-    switch (simdLevel()) {                                                              \
-      case SimdLevel::Avx512: return name##Avx512(task);                                \
-      case SimdLevel::Avx2: return name##Avx2(task);                                    \
-      case SimdLevel::Baseline: return name##Baseline(task);                            \
-    }                                                                                   \
-  }
-CUBIC_LEVELS(addOne, AddTask, addOneKernel)
-CUBIC_LEVELS(addThree, AddTask, addThreeKernel)
-CUBIC_LEVELS(sumFirst, SumTask, firstKernel)
-CUBIC_LEVELS(sumThree, SumTask, threeKernel)
-#undef CUBIC_LEVELS
+FIELDDEFORM_LEVELS(addOne, const AddTask, addOneKernel)
+FIELDDEFORM_LEVELS(addThree, const AddTask, addThreeKernel)
+FIELDDEFORM_LEVELS(sumFirst, const SumTask, firstKernel)
+FIELDDEFORM_LEVELS(sumThree, const SumTask, threeKernel)
 
 }  // namespace
 

@@ -216,12 +216,8 @@ void dotBaseline(const DotTask& t) { dotKernel<Baseline>(t); }
 FIELDDEFORM_SIMD_AVX2 void dotAvx2(const DotTask& t) { dotKernel<Avx2>(t); }
 void addBaseline(const AddTask& t) { addKernel<Baseline>(t); }
 FIELDDEFORM_SIMD_AVX2 void addAvx2(const AddTask& t) { addKernel<Avx2>(t); }
-void wedgeBaseline(const WedgeTask& t) { wedgeKernel<Baseline>(t); }
-FIELDDEFORM_SIMD_AVX2 void wedgeAvx2(const WedgeTask& t) { wedgeKernel<Avx2>(t); }
-FIELDDEFORM_SIMD_AVX512 void wedgeAvx512(const WedgeTask& t) { wedgeKernel<Avx512>(t); }
-void outerBaseline(const OuterTask& t) { outerKernel<Baseline>(t); }
-FIELDDEFORM_SIMD_AVX2 void outerAvx2(const OuterTask& t) { outerKernel<Avx2>(t); }
-FIELDDEFORM_SIMD_AVX512 void outerAvx512(const OuterTask& t) { outerKernel<Avx512>(t); }
+FIELDDEFORM_LEVELS(runWedge, const WedgeTask, wedgeKernel)
+FIELDDEFORM_LEVELS(runOuter, const OuterTask, outerKernel)
 
 }  // namespace
 
@@ -246,22 +242,12 @@ void wedgeRows(const WedgeLayout& layout, const WedgePlan& plan, const double* r
   std::size_t most = 0;
   for (std::size_t o = begin; o < end; ++o) most = std::max(most, plan.start[o + 1] - plan.start[o]);
   std::vector<double> scratch((most + 1) * layout.stride, 0.0);
-  const WedgeTask task{layout.offset.data(), layout.n, layout.stride, layout.width, plan.product.data(), plan.start.data() + begin,
-                       rows, end - begin, scratch.data() + layout.stride, scratch.data(), out};
-  switch (simdLevel()) {
-    case SimdLevel::Baseline: return wedgeBaseline(task);
-    case SimdLevel::Avx2: return wedgeAvx2(task);
-    case SimdLevel::Avx512: return wedgeAvx512(task);
-  }
+  runWedge({layout.offset.data(), layout.n, layout.stride, layout.width, plan.product.data(), plan.start.data() + begin,
+                       rows, end - begin, scratch.data() + layout.stride, scratch.data(), out});
 }
 
 void addOuter(const WedgeLayout& layout, const double* rows, const Index* owner, const double* products, std::size_t count, double* sums) {
-  const OuterTask task{rows, owner, products, layout.stride, layout.width, count, sums};
-  switch (simdLevel()) {
-    case SimdLevel::Baseline: return outerBaseline(task);
-    case SimdLevel::Avx2: return outerAvx2(task);
-    case SimdLevel::Avx512: return outerAvx512(task);
-  }
+  runOuter({rows, owner, products, layout.stride, layout.width, count, sums});
 }
 
 }  // namespace fielddeform::volume::detail
