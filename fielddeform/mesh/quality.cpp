@@ -56,14 +56,15 @@ std::optional<double> edgeCosine(const EdgeTable& table, const Triangles& triang
 
 using UnitNormal = std::array<float, 3>;
 
-/// Unit normals as floats; no numbers for triangles without area.
+/// Unit normals as floats; anything for triangles without area.
 std::vector<UnitNormal> unitNormals(const Triangles& triangles, Points x) {
   std::vector<UnitNormal> unit(triangles.size());
   parallelFor(unit.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
-      const auto n = normal(triangles[t], x);
-      const double scale = n ? 1 / std::sqrt(n->squaredNorm()) : std::nan("");
-      for (int k = 0; k < 3; ++k) unit[t][static_cast<std::size_t>(k)] = static_cast<float>(n ? (*n)[k] * scale : scale);
+      const Index* c = triangles[t];
+      const Vec3 n = detail::areaVector(x[c[0]], x[c[1]], x[c[2]]);
+      const double scale = 1 / std::sqrt(n.squaredNorm());
+      for (int k = 0; k < 3; ++k) unit[t][static_cast<std::size_t>(k)] = static_cast<float>(n[k] * scale);
     }
   });
   return unit;
