@@ -159,36 +159,9 @@ class ClosestTree::Impl::Block : public BlockBase {
 
 template <int N>
 void ClosestTree::Impl::together(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const {
+  if (!(maxDistance >= 0) || count == 0) return alone(queries, out, maxDistance, hint);
   Block<N> block(*this);
-  std::size_t size = std::clamp(hint.size, kFew, kBlock);
-  for (std::size_t begin = 0; begin < queries.size();) {
-    std::size_t n = std::min(size, queries.size() - begin);
-    if (n < kFew || !(maxDistance >= 0) || count == 0 || !block.take(queries.subspan(begin, n))) {
-      alone(queries.subspan(begin, n), out.subspan(begin, n), maxDistance, hint);
-      begin += n;
-      continue;
-    }
-    block.enclose(1);
-    if (!block.list(maxDistance * scale, hint.element)) {
-      if (n >= 2 * kFew) {
-        size = n / 2;
-        continue;
-      }
-      n = std::min(kAlone, queries.size() - begin);
-      alone(queries.subspan(begin, n), out.subspan(begin, n), maxDistance, hint);
-      begin += n;
-      continue;
-    }
-    if (block.empty()) {
-      std::fill_n(out.begin() + static_cast<std::ptrdiff_t>(begin), n, ClosestPoint{});
-    } else {
-      hint.element = block.nearest();
-      block.answer(queries.subspan(begin, n), out.subspan(begin, n), maxDistance);
-    }
-    if (n == size && block.roomy()) size = std::min(2 * size, kBlock);
-    begin += n;
-  }
-  hint.size = size;
+  detail::searchByBlocks(*this, queries, out, maxDistance, 1, hint, [&]() -> Block<N>& { return block; }, [] {});
 }
 
 template void ClosestTree::Impl::together<1>(Points, std::span<ClosestPoint>, double, BlockHint&) const;

@@ -9,6 +9,7 @@
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Interpolation.h>
 #include <openvdb/tools/MeshToVolume.h>
+#include <tests/support/mesh_sphere.h>
 
 #include <tbb/global_control.h>
 
@@ -20,7 +21,6 @@
 #include <ctime>
 #include <functional>
 #include <memory>
-#include <numbers>
 #include <vector>
 
 namespace {
@@ -43,31 +43,13 @@ Time timed(const std::function<void()>& call) {
 
 // A bumpy sphere of 4 rows^2 triangles, radius about 1.
 skeleton::Primitive bumpySphere(int rows) {
-  skeleton::Primitive p;
-  p.name = "ball";
-  p.type = skeleton::PrimitiveType::Mesh;
-  p.closed = true;
-  const int columns = 2 * rows;
-  const double pi = std::numbers::pi;
-  const auto put = [&](double a, double b) {
-    const double r = 1 + 0.08 * std::sin(5 * b) * std::sin(4 * a) + 0.03 * std::sin(11 * b + 2) * std::sin(9 * a);
-    p.points.push_back(r * Vec3(std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a)));
-  };
-  put(0, 0);
-  for (int i = 1; i < rows; ++i)
-    for (int j = 0; j < columns; ++j) put(pi * i / rows, 2 * pi * j / columns);
-  put(pi, 0);
-  const auto at = [&](int i, int j) { return static_cast<Index>(1 + (i - 1) * columns + j % columns); };
-  const Index last = static_cast<Index>(p.points.size()) - 1;
-  for (int j = 0; j < columns; ++j) {
-    p.faces.push_back({0, at(1, j), at(1, j + 1)});
-    p.faces.push_back({last, at(rows - 1, j + 1), at(rows - 1, j)});
-  }
-  for (int i = 1; i + 1 < rows; ++i)
-    for (int j = 0; j < columns; ++j) {
-      p.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      p.faces.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
+  skeleton::Primitive p = test::meshSphere(rows, [](double a, double b) {
+    return 1 + 0.08 * std::sin(5 * b) * std::sin(4 * a) + 0.03 * std::sin(11 * b + 2) * std::sin(9 * a);
+  });
+  std::vector<std::vector<Index>> triangles;
+  for (const auto& f : p.faces)
+    for (std::size_t k = 2; k < f.size(); ++k) triangles.push_back({f[0], f[k - 1], f[k]});
+  p.faces = std::move(triangles);
   return p;
 }
 

@@ -3,6 +3,7 @@
 #include <fielddeform/field/detail/normal_regions.h>
 #include <fielddeform/field/detail/voxel_distances.h>
 #include <gtest/gtest.h>
+#include <tests/support/mesh_sphere.h>
 
 #include <cmath>
 #include <limits>
@@ -19,27 +20,8 @@ constexpr double kAlways = std::numeric_limits<double>::infinity();
 
 // A bumpy sphere, closed: convex and concave, saddles.
 Primitive bumpySphere(int rows, double bump) {
-  Primitive p = patch("ball", 1, 0.3);
-  p.points.clear();
-  p.faces.clear();
-  p.closed = true;
-  const int columns = 2 * rows;
-  const double pi = std::numbers::pi;
-  const auto put = [&](double a, double b) {
-    const double r = 0.5 + bump * std::sin(5 * b) * std::sin(4 * a);
-    p.points.push_back(r * Vec3(std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a)));
-  };
-  put(0, 0);
-  for (int i = 1; i < rows; ++i)
-    for (int j = 0; j < columns; ++j) put(pi * i / rows, 2 * pi * j / columns);
-  put(pi, 0);
-  const auto at = [&](int i, int j) { return static_cast<Index>(1 + (i - 1) * columns + j % columns); };
-  const Index last = static_cast<Index>(p.points.size()) - 1;
-  for (int j = 0; j < columns; ++j) {
-    p.faces.push_back({0, at(1, j), at(1, j + 1)});
-    p.faces.push_back({last, at(rows - 1, j + 1), at(rows - 1, j)});
-    for (int i = 1; i + 1 < rows; ++i) p.faces.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)});
-  }
+  Primitive p = test::meshSphere(rows, [&](double a, double b) { return 0.5 + bump * std::sin(5 * b) * std::sin(4 * a); });
+  p.radius = 0.3;
   return p;
 }
 

@@ -3,6 +3,7 @@
 #include <fielddeform/spatial/detail/closest_tree_impl.h>
 #include <fielddeform/spatial/detail/triangle_lanes.h>
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -80,6 +81,47 @@ class ClosestTree::Impl::BlockBase {
   SimplexHit nearest_{};         // S
   std::uint32_t nearestSlot_ = 0;
 };
+
+namespace detail {
+
+/// Answers queries block after block, halved where too many elements are listed and doubled where few are.
+/// @param wider    a block's box is its queries', times this
+/// @param blockOf  gives the block to list in: take, enclose, list, empty, nearest, answer, roomy
+/// @param listed   called when it has listed
+template <class Tree, class BlockOf, class Listed>
+void searchByBlocks(const Tree& tree, Points queries, std::span<ClosestPoint> out, double maxDistance, double wider,
+                    ClosestTree::BlockHint& hint, BlockOf&& blockOf, Listed&& listed) {
+  std::size_t size = std::clamp(hint.size, kFew, kBlock);
+  for (std::size_t begin = 0; begin < queries.size();) {
+    std::size_t n = std::min(size, queries.size() - begin);
+    auto& block = blockOf();
+    if (n >= kFew && block.take(queries.subspan(begin, n))) {
+      block.enclose(wider);
+      if (block.list(maxDistance * tree.scale, hint.element)) {
+        listed();
+        if (block.empty()) {
+          std::fill_n(out.begin() + static_cast<std::ptrdiff_t>(begin), n, ClosestPoint{});
+        } else {
+          hint.element = block.nearest();
+          block.answer(queries.subspan(begin, n), out.subspan(begin, n), maxDistance);
+        }
+        if (n == size && block.roomy()) size = std::min(2 * size, kBlock);
+        begin += n;
+        continue;
+      }
+      if (n >= 2 * kFew) {
+        size = n / 2;
+        continue;
+      }
+      n = std::min(kAlone, queries.size() - begin);
+    }
+    tree.alone(queries.subspan(begin, n), out.subspan(begin, n), maxDistance, hint);
+    begin += n;
+  }
+  hint.size = size;
+}
+
+}  // namespace detail
 
 /// Triangles: leaves of the tree are listed by their boxes; a leaf's triangles are looked at once some query asks for them.
 class ClosestTree::Impl::TriangleBlock : public BlockBase {

@@ -190,35 +190,10 @@ void ClosestTree::Impl::TriangleSearch::run(Points queries, std::span<ClosestPoi
   if (begin == queries.size()) return;
   maxDistance_ = maxDistance;
   kept_ = 0;
-  std::size_t size = std::clamp(hint.size, kFew, kBlock), stored = 0;
-  while (begin < queries.size()) {
-    std::size_t n = std::min(size, queries.size() - begin);
-    TriangleBlock& block = next(stored);
-    const bool shared = n >= kFew && block.take(queries.subspan(begin, n));
-    if (shared) {
-      block.enclose(kWider);
-      if (block.list(maxDistance * tree_.scale, hint.element)) {
-        kept_ = std::min(++stored, kKept - 1);  // the last place is written again and again
-        if (block.empty()) {
-          std::fill_n(out.begin() + static_cast<std::ptrdiff_t>(begin), n, ClosestPoint{});
-        } else {
-          hint.element = block.nearest();
-          block.answer(queries.subspan(begin, n), out.subspan(begin, n), maxDistance);
-        }
-        if (n == size && block.roomy()) size = std::min(2 * size, kBlock);
-        begin += n;
-        continue;
-      }
-      if (n >= 2 * kFew) {
-        size = n / 2;
-        continue;
-      }
-      n = std::min(kAlone, queries.size() - begin);
-    }
-    tree_.alone(queries.subspan(begin, n), out.subspan(begin, n), maxDistance, hint);
-    begin += n;
-  }
-  hint.size = size;
+  std::size_t stored = 0;
+  const auto blockOf = [&]() -> TriangleBlock& { return next(stored); };
+  const auto listed = [&] { kept_ = std::min(++stored, kKept - 1); };  // the last place is written again and again
+  detail::searchByBlocks(tree_, queries.subspan(begin), out.subspan(begin), maxDistance, kWider, hint, blockOf, listed);
 }
 
 void ClosestTree::Impl::trianglesTogether(Points queries, std::span<ClosestPoint> out, double maxDistance, BlockHint& hint) const {
