@@ -35,18 +35,17 @@ void keepWorst(std::vector<Marked>& marked, std::size_t count) {
 
 class Refiner {
  public:
-  Refiner(const Mesh& rest, const map::SpaceMap& map, const Options& options, Progress& progress)
-      : map_(map), options_(options), progress_(progress), input_(rest), mesh_(rest), faceSettled_(rest.faceCount(), 0),
-        inputVertices_(rest.vertexCount()),
-        inputFaces_(rest.faceCount()), layout_(rest.layout()), parentOf_(rest.faceCount()) {
+  Refiner(Mesh rest, const map::SpaceMap& map, const Options& options, Progress& progress)
+      : map_(map), options_(options), progress_(progress), mesh_(std::move(rest)), faceSettled_(mesh_.faceCount(), 0),
+        inputVertices_(mesh_.vertexCount()), inputFaces_(mesh_.faceCount()), layout_(mesh_.layout()), parentOf_(mesh_.faceCount()) {
     mesh_.setLayout(nullptr);
     std::iota(parentOf_.begin(), parentOf_.end(), 0u);
     const std::size_t automatic = 8 * inputVertices_ + 100'000;
     limit_ = std::min<std::size_t>(options.maxVertices.value_or(automatic), kNoIndex - 1);
     // Far from the origin coordinates end before the tolerance does.
-    const Box box = mesh::boundingBox(rest.positions());
+    const Box box = mesh::boundingBox(mesh_.positions());
     const double farthest = box.isEmpty() ? 0 : box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs()).maxCoeff();
-    tolerance_ = std::max(options.maxDeviation * mesh::objectSize(rest.positions()), 32 * 0x1p-52 * farthest);
+    tolerance_ = std::max(options.maxDeviation * mesh::objectSize(mesh_.positions()), 32 * 0x1p-52 * farthest);
   }
 
   Refined run(Start start) {
@@ -60,7 +59,7 @@ class Refiner {
     for (;;) {
       const detail::State state{mesh_, table, images_.position, binding_.get()};
       const std::vector<Index> thin =
-          detail::sidesOfThinFaces(input_, mesh_, table, images_.position, parentOf_, options_.minAngle);
+          detail::sidesOfThinFaces(input_ ? *input_ : mesh_, mesh_, table, images_.position, parentOf_, options_.minAngle);
       Marking marking = judge.mark(state, memory, thin, progress_);
       judge.markPolygons(state, faceSettled_, marking, progress_);
       report_.refused += marking.refused;
@@ -140,6 +139,7 @@ class Refiner {
     EdgeTable next(finer);
     EdgeMemory carried =
         detail::carryOver(memory, table, mesh_, divided, rank, next, finer.positions(), faces.faceParent);
+    if (!input_) input_ = std::move(mesh_);
     mesh_ = std::move(finer);
     table = std::move(next), memory = std::move(carried);
     inheritFaces(faces.faceParent);
@@ -211,15 +211,16 @@ class Refiner {
       r.message += fmt::format("{}{} edges stay undivided: their midpoints have no finite image",
                                r.message.empty() ? "" : "; ", r.refused);
     if (layout_) mesh_.setLayout(r.rounds ? layout_->refined(parentOf_, mesh_.vertexCount()) : layout_);
+    if (input_) input_->setLayout(layout_);
     return {std::move(mesh_), std::move(images_.position), std::move(images_.status), std::move(images_.residual),
-            std::move(images_.safe), std::move(parents_), std::move(parentOf_), std::move(edges), std::move(report_)};
+            std::move(images_.safe), std::move(parents_), std::move(parentOf_), std::move(edges), std::move(input_), std::move(report_)};
   }
 
   const map::SpaceMap& map_;
   const Options& options_;
   Progress& progress_;
-  const Mesh& input_;
   Mesh mesh_;
+  std::optional<Mesh> input_;  ///< once mesh_ is finer
   Images images_;
   std::shared_ptr<const map::Binding> binding_;  ///< of all vertices; only for maps whose midpoints inherit
   std::vector<std::uint8_t> faceSettled_;  ///< #F, polygons whose diagonals are fine enough
@@ -245,14 +246,14 @@ std::string_view toString(StopReason reason) noexcept {
   return words[static_cast<std::size_t>(reason)];
 }
 
-Refined refine(const Mesh& rest, const map::SpaceMap& map, const Options& options, Progress& progress) {
+Refined refine(Mesh rest, const map::SpaceMap& map, const Options& options, Progress& progress) {
   options.validate();
-  return Refiner(rest, map, options, progress).run({});
+  return Refiner(std::move(rest), map, options, progress).run({});
 }
 
-Refined refine(const Mesh& rest, const map::SpaceMap& map, Start start, const Options& options, Progress& progress) {
+Refined refine(Mesh rest, const map::SpaceMap& map, Start start, const Options& options, Progress& progress) {
   options.validate();
-  return Refiner(rest, map, options, progress).run(std::move(start));
+  return Refiner(std::move(rest), map, options, progress).run(std::move(start));
 }
 
 }  // namespace fielddeform::resample

@@ -46,6 +46,7 @@ struct Refined {
   std::vector<std::array<Index, 2>> parents; ///< for each inserted vertex the ends of the edge it divides, lower first
   std::vector<Index> faceParent;             ///< #F, the input's face it is part of, ascending
   mesh::EdgeTable edges;                     ///< of `rest`
+  std::optional<mesh::Mesh> input;           ///< the mesh as it was given, if anything was inserted
   Report report;
 };
 
@@ -73,12 +74,11 @@ struct Start {
 /// The map must not depend on the mesh. Where it gives no finite image, a vertex takes its safe or rest position
 /// (Stalled), and an edge stays undivided (refused).
 /// @throw std::invalid_argument for options out of range; Cancelled
-Refined refine(const mesh::Mesh& rest, const map::SpaceMap& map, const Options& options, Progress& progress);
+Refined refine(mesh::Mesh rest, const map::SpaceMap& map, const Options& options, Progress& progress);
 
 /// The same from what is known. Images save binding the mesh again, but for maps whose midpoints inherit values
 /// (SpaceMap::midpointsInherit): those need the binding, and compute it.
 /// @throw std::invalid_argument also if a count differs from the mesh's vertices, or that of the edges' corners from its corners
-Refined refine(const mesh::Mesh& rest, const map::SpaceMap& map, Start start, const Options& options,
-               Progress& progress);
+Refined refine(mesh::Mesh rest, const map::SpaceMap& map, Start start, const Options& options, Progress& progress);
 
 }  // namespace fielddeform::resample

@@ -71,9 +71,9 @@ class ClassicMethod final : public Method {
     return posed;
   }
 
-  resample::Refined refine(const mesh::Mesh& mesh, mesh::EdgeTable edges, Posed, const resample::Options& options,
+  resample::Refined refine(mesh::Mesh mesh, mesh::EdgeTable edges, Posed, const resample::Options& options,
                            std::vector<std::string>&, Progress& progress) override {
-    return resample::refine(mesh, *map_, {.edges = std::move(edges)}, options, progress);
+    return resample::refine(std::move(mesh), *map_, {.edges = std::move(edges)}, options, progress);
   }
 
   std::vector<double> falloffWeights(const mesh::Mesh& mesh) override {

@@ -59,13 +59,13 @@ class GffdMethod final : public Method {
   }
 
   // Starts where tracking ended.
-  resample::Refined refine(const mesh::Mesh& mesh, mesh::EdgeTable edges, Posed tracked, const resample::Options& options,
+  resample::Refined refine(mesh::Mesh mesh, mesh::EdgeTable edges, Posed tracked, const resample::Options& options,
                            std::vector<std::string>& warnings, Progress& progress) override {
-    resample::Refined refined = refineOnce(mesh, {std::move(tracked.position), std::move(safe_), std::move(tracked.status),
+    resample::Refined refined = refineOnce(std::move(mesh), {std::move(tracked.position), std::move(safe_), std::move(tracked.status),
                                                   std::move(tracked.residual), std::move(edges)}, options, progress);
     if (refined.report.rounds > 0) binding_.reset();
     if (map_->resolved().predictorWasAutomatic && map_->resolved().options.predictor == gffd::Predictor::Axial)
-      retryWithMls(mesh, options, refined, warnings, progress);
+      retryWithMls(options, refined, warnings, progress);
     return refined;
   }
 
@@ -141,15 +141,15 @@ class GffdMethod final : public Method {
                        "--pair {0}={1} to replace one by the other", *removed, *added);
   }
 
-  resample::Refined refineOnce(const mesh::Mesh& mesh, resample::Start start, resample::Options options, Progress& progress) const {
+  resample::Refined refineOnce(mesh::Mesh mesh, resample::Start start, resample::Options options, Progress& progress) const {
     const gffd::Options& tracking = map_->resolved().options;
     if (tracking.guard && tracking.corrector && !map_->isIdentity())
       options.meshStep = [this](const mesh::Mesh& rest, const map::MapOutput& state) { guardRefined(*map_, rest, state); };
-    return resample::refine(mesh, *map_, std::move(start), options, progress);
+    return resample::refine(std::move(mesh), *map_, std::move(start), options, progress);
   }
 
   // Between the vertices that "auto" looked at, the closest frame may jump: inserted vertices bring that to light.
-  void retryWithMls(const mesh::Mesh& mesh, const resample::Options& options, resample::Refined& refined,
+  void retryWithMls(const resample::Options& options, resample::Refined& refined,
                     std::vector<std::string>& warnings, Progress& progress) {
     const auto folds = [](const resample::Refined& r) { return mesh::countFolds(r.rest, r.edges, r.rest.positions(), r.posed); };
     const std::size_t before = folds(refined);
@@ -161,7 +161,7 @@ class GffdMethod final : public Method {
       warnings.push_back(fmt::format("inserted vertices showed {} folded edges of axial; mls was not tried: {}", before, problem.what()));
       return;
     }
-    resample::Refined second = refineOnce(mesh, {}, options, progress);
+    resample::Refined second = refineOnce(refined.input ? std::move(*refined.input) : refined.rest, {}, options, progress);
     const std::size_t after = folds(second);
     if (after > before || (after == before && second.report.remaining >= refined.report.remaining)) {
       map_ = axial;

@@ -149,9 +149,9 @@ class LatticeMethod final : public Method {
     return posed;
   }
 
-  resample::Refined refine(const mesh::Mesh& mesh, mesh::EdgeTable edges, Posed, const resample::Options& options,
+  resample::Refined refine(mesh::Mesh mesh, mesh::EdgeTable edges, Posed, const resample::Options& options,
                            std::vector<std::string>&, Progress& progress) override {
-    return resample::refine(mesh, *chain_, {.edges = std::move(edges)}, options, progress);
+    return resample::refine(std::move(mesh), *chain_, {.edges = std::move(edges)}, options, progress);
   }
 
   void describe(Report& report) const override {

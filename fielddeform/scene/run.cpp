@@ -135,7 +135,7 @@ class Runner {
     mesh::EdgeTable edges(mesh_);
     foldsOfInput_ = mesh::countSharpEdges(mesh_, edges, mesh_.positions());
     resample::Refined refined =
-        method_->refine(mesh_, std::move(edges), std::exchange(posed_, {}), *scene_.resample, result_.report.warnings, progress_);
+        method_->refine(std::move(mesh_), std::move(edges), std::exchange(posed_, {}), *scene_.resample, result_.report.warnings, progress_);
     mesh_ = std::move(refined.rest);
     edges_ = std::move(refined.edges);
     posed_ = {std::move(refined.posed), std::move(refined.status), std::move(refined.residual)};

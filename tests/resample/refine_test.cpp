@@ -364,6 +364,10 @@ TEST(Refine, KnownEdgesGiveTheSameAndTheResultsEdgesComeBack) {
   ASSERT_GT(anew.report.insertedVertices, 10u);
   EXPECT_EQ(known.posed, anew.posed);
   EXPECT_EQ(known.rest.corners(), anew.rest.corners());
+  ASSERT_TRUE(anew.input) << "as it was given";
+  EXPECT_EQ(anew.input->positions(), m.positions());
+  EXPECT_EQ(anew.input->corners(), m.corners());
+  EXPECT_FALSE(run(m, bendMap(0.01, 10)).input) << "nothing was inserted";
   const EdgeTable edges(anew.rest);
   ASSERT_EQ(anew.edges.size(), edges.size());
   for (std::size_t e = 0; e < edges.size(); ++e) ASSERT_EQ(anew.edges.vertices(e), edges.vertices(e));

@@ -36,7 +36,7 @@ class Method {
   /// Refines the mesh under the map.
   /// @param tracked  what track() gave
   /// @param edges    of the mesh
-  virtual resample::Refined refine(const mesh::Mesh& mesh, mesh::EdgeTable edges, Posed tracked, const resample::Options& options,
+  virtual resample::Refined refine(mesh::Mesh mesh, mesh::EdgeTable edges, Posed tracked, const resample::Options& options,
                                    std::vector<std::string>& warnings, Progress& progress) = 0;
   /// The method's own entries of the report.
   virtual void describe(Report& report) const = 0;
