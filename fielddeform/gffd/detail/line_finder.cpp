@@ -13,6 +13,9 @@ constexpr std::size_t kReaches = 36, kReachesOfMany = 9, kMany = 50'000;
 constexpr double kStep = 1.25, kStepOfMany = kStep * kStep * kStep * kStep;
 constexpr double kFarthest = 8;
 constexpr std::size_t kFewest = 4;   // segments: fewer are all tried
+constexpr std::size_t kLeaf = 8, kFan = 4;
+constexpr std::size_t kMostLevels = 16;  // of balls: 2^32 segments
+constexpr std::size_t kMostLooked = 16;  // balls, for a reach
 // Nearer to a segment's end than this share of the reach, rounding may prefer its neighbour: both are tried, from either side.
 constexpr double kUndecided = 1e-7;
 constexpr double kRounding = 1 + 1e-9;
@@ -46,29 +49,37 @@ LineFinder::LineFinder(const skeleton::Primitive& p) {
     closed_ = p.closed && n > 2;
     if (closed_) add(p.points[n - 1], p.points[0]);
   }
-  const std::size_t count = segments_.size();
-  Box whole;
-  const auto size = static_cast<std::size_t>(std::clamp(std::sqrt(static_cast<double>(count) / 2), 1.0, 256.0));
-  for (std::size_t begin = 0; begin < count; begin += size) {
-    Group g{Vec3::Zero(), 0, static_cast<Index>(begin), static_cast<Index>(std::min(count, begin + size))};
-    Box box;
-    for (Index i = g.begin; i < g.end; ++i) {
-      box.extend(segments_[i].a);
-      box.extend(segments_[i].b);
-    }
-    whole.extend(box);
-    g.centre = box.center();
-    for (Index i = g.begin; i < g.end; ++i) {
-      const LineSegment& s = segments_[i];
-      g.radius = std::max({g.radius, (s.a - g.centre).norm(), (s.b - g.centre).norm()});
-    }
-    g.radius *= kRounding;
-    groups_.push_back(g);
-  }
-  if (p.type != skeleton::PrimitiveType::Points && count >= kFewest) findStops((whole.max() - whole.min()).norm());
+  findBalls();
+  if (p.type != skeleton::PrimitiveType::Points && segments_.size() >= kFewest) findStops();
 }
 
-void LineFinder::findStops(double size) {
+void LineFinder::findBalls() {
+  const auto enclose = [](std::size_t begin, std::size_t end, auto&& extend, auto&& reach) {
+    Box box;
+    for (std::size_t i = begin; i < end; ++i) extend(box, i);
+    Ball ball{box.center(), 0};
+    for (std::size_t i = begin; i < end; ++i) ball.radius = std::max(ball.radius, reach(ball.centre, i));
+    ball.radius *= kRounding;
+    return ball;
+  };
+  std::vector<Ball> leaves;
+  for (std::size_t begin = 0; begin < segments_.size(); begin += kLeaf)
+    leaves.push_back(enclose(begin, std::min(segments_.size(), begin + kLeaf),
+                             [&](Box& box, std::size_t i) { box.extend(segments_[i].a), box.extend(segments_[i].b); },
+                             [&](const Vec3& centre, std::size_t i) { return std::max((segments_[i].a - centre).norm(), (segments_[i].b - centre).norm()); }));
+  balls_.push_back(std::move(leaves));
+  while (balls_.back().size() > 1) {
+    const std::vector<Ball>& below = balls_.back();
+    std::vector<Ball> level;
+    for (std::size_t begin = 0; begin < below.size(); begin += kFan)
+      level.push_back(enclose(begin, std::min(below.size(), begin + kFan), [&](Box& box, std::size_t i) { box.extend(below[i].centre); },
+                              [&](const Vec3& centre, std::size_t i) { return (below[i].centre - centre).norm() + below[i].radius; }));
+    balls_.push_back(std::move(level));
+  }
+}
+
+void LineFinder::findStops() {
+  const double size = 2 * balls_.back()[0].radius;
   if (!(size > 0) || !std::isfinite(size)) return;
   const std::size_t n = segments_.size();
   // |t' - t| from one segment to the next; points in between have no direction of their own.
@@ -108,38 +119,73 @@ const WalkStop* LineFinder::stopsFor(double reach) const {
   return stops_[k].data();
 }
 
+// The nearest segment and its squared distance, nearer balls first.
+void LineFinder::findNearest(const Vec3& centre, Nearby& out, double& square) const {
+  struct Entry {
+    std::size_t level, i;
+    double least;  // distance
+  };
+  Entry stack[kMostLevels * kFan];
+  std::size_t top = 0;
+  double best = kInfinity;  // distance
+  stack[top++] = {balls_.size() - 1, 0, 0};
+  while (top > 0) {
+    const Entry at = stack[--top];
+    if (at.least > best) continue;
+    if (at.level == 0) {
+      const std::size_t end = std::min(segments_.size(), (at.i + 1) * kLeaf);
+      for (std::size_t i = at.i * kLeaf; i < end; ++i)
+        if (const double s = squareTo(segments_[i], centre); s < square) square = s, out.start = static_cast<Index>(i);
+      best = std::sqrt(square) * kRounding;
+      continue;
+    }
+    const std::vector<Ball>& below = balls_[at.level - 1];
+    const std::size_t end = std::min(below.size(), (at.i + 1) * kFan), bottom = top;
+    for (std::size_t i = at.i * kFan; i < end; ++i) {
+      const Entry e{at.level - 1, i, (centre - below[i].centre).norm() - below[i].radius};
+      std::size_t place = top++;
+      for (; place > bottom && stack[place - 1].least < e.least; --place) stack[place] = stack[place - 1];
+      stack[place] = e;
+    }
+  }
+}
+
+// The first, or the last, of the leaves below a ball that come as near as this; none: how many there are.
+std::size_t LineFinder::outermost(bool last, std::size_t level, std::size_t i, const Vec3& centre, double distance) const {
+  const std::size_t none = balls_[0].size();
+  const Ball& ball = balls_[level][i];
+  if (!((centre - ball.centre).norm() - ball.radius <= distance)) return none;
+  if (level == 0) return i;
+  const std::size_t begin = i * kFan, end = std::min(balls_[level - 1].size(), begin + kFan);
+  for (std::size_t k = 0; k < end - begin; ++k)
+    if (const std::size_t leaf = outermost(last, level - 1, last ? end - 1 - k : begin + k, centre, distance); leaf != none) return leaf;
+  return none;
+}
+
+// No point of a ball is farther than this from a point of those leaves.
+double LineFinder::reachOf(std::size_t first, std::size_t last, const Vec3& centre, double radius) const {
+  std::size_t level = 0;
+  for (; last - first >= kMostLooked; ++level) first /= kFan, last /= kFan;
+  double reach = 0;
+  for (std::size_t i = first; i <= last; ++i) reach = std::max(reach, (centre - balls_[level][i].centre).norm() + balls_[level][i].radius);
+  return (reach + radius) * kRounding;
+}
+
 LineFinder::Nearby LineFinder::nearby(const Vec3& centre, double radius) const {
-  const std::size_t n = groups_.size();
-  double low = kInfinity;
-  std::size_t nearest = 0;
-  for (std::size_t g = 0; g < n; ++g) {
-    const double d = (centre - groups_[g].centre).norm() - groups_[g].radius;
-    if (d < low) low = d, nearest = g;
-  }
   Nearby out;
-  double best = kInfinity;
-  for (Index i = groups_[nearest].begin; i < groups_[nearest].end; ++i) {
-    const double square = squareTo(segments_[i], centre);
-    if (square < best) best = square, out.start = i;
-  }
-  const double limit = (std::sqrt(best) + 2 * radius) * kRounding;
-  out.least = low - radius;
-  std::size_t first = n, last = 0;
-  for (std::size_t g = 0; g < n; ++g) {
-    if (!((centre - groups_[g].centre).norm() - groups_[g].radius <= limit)) continue;
-    first = std::min(first, g);
-    last = g;
-  }
-  const bool none = first == n;  // no number: every comparison failed
-  if (none) first = 0, last = n - 1;
-  out.begin = groups_[first].begin;
-  out.end = groups_[last].end;
+  double square = kInfinity;
+  findNearest(centre, out, square);
+  const double distance = std::sqrt(square), limit = (distance + 2 * radius) * kRounding;
+  out.least = distance / kRounding - radius;
+  const std::size_t leaves = balls_[0].size(), top = balls_.size() - 1;
+  const std::size_t first = outermost(false, top, 0, centre, limit), last = outermost(true, top, 0, centre, limit);
+  out.end = static_cast<Index>(segments_.size());
+  if (first == leaves) return out;  // no number: every comparison failed
+  out.begin = static_cast<Index>(first * kLeaf);
+  out.end = static_cast<Index>(std::min(segments_.size(), (last + 1) * kLeaf));
   // Around the seam of a closed line the nearest segments are at both ends of the list.
-  const bool seam = closed_ && (first == 0 || last + 1 == n);
-  if (none || seam || stops_.empty()) return out;
-  double reach = 0;  // no point of the block is farther from a point of those segments
-  for (std::size_t g = first; g <= last; ++g) reach = std::max(reach, (centre - groups_[g].centre).norm() + groups_[g].radius + radius);
-  out.stops = stopsFor(reach);
+  const bool seam = closed_ && (first == 0 || last + 1 == leaves);
+  if (!seam && !stops_.empty()) out.stops = stopsFor(reachOf(first, last, centre, radius));
   return out;
 }
 

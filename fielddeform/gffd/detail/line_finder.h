@@ -34,19 +34,22 @@ class LineFinder {
   const std::vector<LineSegment>& segments() const noexcept { return segments_; }
 
  private:
-  struct Group {
+  struct Ball {
     Vec3 centre;
     double radius;
-    Index begin, end;
   };
-  void findStops(double size);
+  void findBalls();
+  void findStops();
+  void findNearest(const Vec3& centre, Nearby& out, double& square) const;
+  std::size_t outermost(bool last, std::size_t level, std::size_t i, const Vec3& centre, double distance) const;
+  double reachOf(std::size_t first, std::size_t last, const Vec3& centre, double radius) const;
   const WalkStop* stopsFor(double reach) const;
 
   bool closed_ = false;
   std::vector<LineSegment> segments_;
   std::vector<std::vector<WalkStop>> stops_;  ///< for reaches greatest_, a step_-th of it, ...; empty: no walks
   double greatest_ = 0, step_ = 0;            ///< reach, world
-  std::vector<Group> groups_;
+  std::vector<std::vector<Ball>> balls_;      ///< around kLeaf segments each; then around kFan balls each, down to one
 };
 
 /// The middle of a block's box and a radius of it around.

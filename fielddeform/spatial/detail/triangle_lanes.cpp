@@ -37,37 +37,8 @@ struct TryTask {
   GroupHits& hits;
 };
 
-namespace baseline {
-#define LANES_TARGET
-using Pack = fielddeform::detail::Two;
-using Mask = decltype(Pack{} < Pack{});
-inline bool anyOf(const Mask& mask) { return (mask[0] | mask[1]) != 0; }
-#include <fielddeform/spatial/detail/triangle_lanes_level.h>
-#undef LANES_TARGET
-}  // namespace baseline
-
-#if defined(__x86_64__)
-namespace avx2 {
-#define LANES_TARGET FIELDDEFORM_SIMD_AVX2
-using Pack = fielddeform::detail::Four;
-using Mask = decltype(Pack{} < Pack{});
-LANES_TARGET inline bool anyOf(const Mask& mask) { return _mm256_movemask_pd(reinterpret_cast<const __m256d&>(mask)) != 0; }
-#include <fielddeform/spatial/detail/triangle_lanes_level.h>
-#undef LANES_TARGET
-}  // namespace avx2
-
-namespace avx512 {
-#define LANES_TARGET FIELDDEFORM_SIMD_AVX512
-using Pack = fielddeform::detail::Eight;
-using Mask = decltype(Pack{} < Pack{});
-LANES_TARGET inline bool anyOf(const Mask& mask) { return _mm512_movepi64_mask(reinterpret_cast<const __m512i&>(mask)) != 0; }
-#include <fielddeform/spatial/detail/triangle_lanes_level.h>
-#undef LANES_TARGET
-}  // namespace avx512
-#else
-namespace avx2 = baseline;
-namespace avx512 = baseline;
-#endif
+#define FIELDDEFORM_LEVEL_SOURCE <fielddeform/spatial/detail/triangle_lanes_level.h>
+#include <fielddeform/core/detail/each_level.h>
 
 void store(const Vec3& from, double* to) {
   for (int k = 0; k < 3; ++k) to[k] = from[k];

@@ -1,11 +1,7 @@
-// The lanes of triangle_lanes.cpp, included once a level within a namespace of its own: GCC takes vectors that a level lacks
-// apart before it inlines, so that every function must be of the level itself. Before it, LANES_TARGET, Pack, Mask and
-// anyOf(Mask) are defined.
+// The lanes of triangle_lanes.cpp, by way of core/detail/each_level.h.
 #ifndef LANES_TARGET
-#error "included by triangle_lanes.cpp alone"
+#error "included by core/detail/each_level.h alone"
 #endif
-
-#define LANES_INLINE LANES_TARGET inline __attribute__((always_inline))
 
 // Every sum below stands in the order of simplex_inline.h.
 struct Lanes3 {
@@ -139,9 +135,6 @@ struct TriangleLanes {
 
 inline constexpr std::size_t kWidth = sizeof(Pack) / 8, kParts = kGroup / kWidth;
 
-LANES_INLINE void load(const double* numbers, Pack& out) { out = *reinterpret_cast<const Pack*>(numbers); }
-LANES_INLINE void store(const Pack& x, double* numbers) { *reinterpret_cast<Pack*>(numbers) = x; }
-
 LANES_INLINE void leastOf(const LinearBound& bound, const Lanes3& d, Pack& least) {
   dotWith(d, bound.offset, least);
   least += bound.least;
@@ -257,5 +250,3 @@ LANES_TARGET void tryAll(const TryTask& task) {
     store(w, hits.w + p);
   }
 }
-
-#undef LANES_INLINE
