@@ -10,12 +10,12 @@
 
 #define LANES_INLINE LANES_TARGET inline __attribute__((always_inline))
 #define LANES_MEMORY                                                                                       \
-  LANES_INLINE void load(const double* numbers, Pack& out) { out = *reinterpret_cast<const Pack*>(numbers); } \
-  LANES_INLINE void store(const Pack& x, double* numbers) { *reinterpret_cast<Pack*>(numbers) = x; }
+  LANES_INLINE void load(const double* numbers, Pack& out) { __builtin_memcpy(&out, numbers, sizeof(Pack)); } \
+  LANES_INLINE void store(const Pack& x, double* numbers) { __builtin_memcpy(numbers, &x, sizeof(Pack)); }
 
 namespace baseline {
 #define LANES_TARGET
-using Pack = ::fielddeform::detail::Two;
+typedef double Pack __attribute__((vector_size(16)));
 using Mask = decltype(Pack{} < Pack{});
 LANES_INLINE bool anyOf(const Mask& mask) { return (mask[0] | mask[1]) != 0; }
 LANES_MEMORY
@@ -26,7 +26,7 @@ LANES_MEMORY
 #if defined(__x86_64__)
 namespace avx2 {
 #define LANES_TARGET FIELDDEFORM_SIMD_AVX2
-using Pack = ::fielddeform::detail::Four;
+typedef double Pack __attribute__((vector_size(32)));
 using Mask = decltype(Pack{} < Pack{});
 LANES_INLINE bool anyOf(const Mask& mask) { return _mm256_movemask_pd(reinterpret_cast<const __m256d&>(mask)) != 0; }
 LANES_MEMORY
@@ -36,7 +36,7 @@ LANES_MEMORY
 
 namespace avx512 {
 #define LANES_TARGET FIELDDEFORM_SIMD_AVX512
-using Pack = ::fielddeform::detail::Eight;
+typedef double Pack __attribute__((vector_size(64)));
 using Mask = decltype(Pack{} < Pack{});
 LANES_INLINE bool anyOf(const Mask& mask) { return _mm512_movepi64_mask(reinterpret_cast<const __m512i&>(mask)) != 0; }
 LANES_MEMORY

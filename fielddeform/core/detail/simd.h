@@ -2,6 +2,9 @@
 
 #include <cstdint>
 #include <string_view>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 /// Run-time choice of vector instructions. A kernel is one always-inlined function over lanes that never meet (each lane
 /// adds in the same order at any width, and nothing is fused: -ffp-contract=off), wrapped once a level:
@@ -62,17 +65,28 @@ class SimdLimit {
 
 }  // namespace fielddeform::detail
 
-/// Defines void name(Task& task): kernel<one of three classes of vectors>(task) at the level of this processor.
-#define FIELDDEFORM_LEVELS_OF(name, Task, kernel, OfBaseline, OfAvx2, OfAvx512)             \
-  void name##Baseline(Task& task) { kernel<OfBaseline>(task); }                             \
-  FIELDDEFORM_SIMD_AVX2 void name##Avx2(Task& task) { kernel<OfAvx2>(task); }               \
-  FIELDDEFORM_SIMD_AVX512 void name##Avx512(Task& task) { kernel<OfAvx512>(task); }         \
+/// Defines void name(Task& task): kernel<Level>(task), Level the class Baseline, Avx2 or Avx512 that is known where it stands.
+#define FIELDDEFORM_LEVELS(name, Task, kernel)                                              \
+  void name##Baseline(Task& task) { kernel<Baseline>(task); }                               \
+  FIELDDEFORM_SIMD_AVX2 void name##Avx2(Task& task) { kernel<Avx2>(task); }                 \
+  FIELDDEFORM_SIMD_AVX512 void name##Avx512(Task& task) { kernel<Avx512>(task); }           \
   void name(Task& task) {                                                                   \
     switch (::fielddeform::detail::simdLevel()) {                                           \
       case ::fielddeform::detail::SimdLevel::Avx512: return name##Avx512(task);             \
       case ::fielddeform::detail::SimdLevel::Avx2: return name##Avx2(task);                 \
-      case ::fielddeform::detail::SimdLevel::Baseline: return name##Baseline(task);         \
+      case ::fielddeform::detail::SimdLevel::Baseline: break;                               \
     }                                                                                       \
+    name##Baseline(task);                                                                   \
   }
-/// The same with what Baseline, Avx2 and Avx512 mean where it stands: the vectors above, or classes with more.
-#define FIELDDEFORM_LEVELS(name, Task, kernel) FIELDDEFORM_LEVELS_OF(name, Task, kernel, Baseline, Avx2, Avx512)
+
+/// Defines name(Task& task): kernel(task) of the namespace avx512, avx2 or baseline (core/detail/each_level.h), for kernels that
+/// compare vectors.
+#define FIELDDEFORM_BY_LEVEL(name, Task, kernel)                                            \
+  auto name(Task& task) -> decltype(baseline::kernel(task)) {                               \
+    switch (::fielddeform::detail::simdLevel()) {                                           \
+      case ::fielddeform::detail::SimdLevel::Avx512: return avx512::kernel(task);           \
+      case ::fielddeform::detail::SimdLevel::Avx2: return avx2::kernel(task);               \
+      case ::fielddeform::detail::SimdLevel::Baseline: break;                               \
+    }                                                                                       \
+    return baseline::kernel(task);                                                          \
+  }

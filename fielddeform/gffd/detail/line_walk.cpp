@@ -4,15 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
 
 namespace fielddeform::gffd::detail {
 namespace {
-
-using fielddeform::detail::SimdLevel;
-using fielddeform::detail::simdLevel;
 
 constexpr int kJumps = 8;
 
@@ -34,14 +28,10 @@ inline Index jump(const WalkTask& task, double x, double y, double z) {
 #define FIELDDEFORM_LEVEL_SOURCE <fielddeform/gffd/detail/line_walk_level.h>
 #include <fielddeform/core/detail/each_level.h>
 
+FIELDDEFORM_BY_LEVEL(runWalk, const WalkTask, walkAll)
+
 }  // namespace
 
-void walkLine(const WalkTask& task) {
-  switch (simdLevel()) {
-    case SimdLevel::Avx512: return avx512::walkAll(task);
-    case SimdLevel::Avx2: return avx2::walkAll(task);
-    case SimdLevel::Baseline: return baseline::walkAll(task);
-  }
-}
+void walkLine(const WalkTask& task) { runWalk(task); }
 
 }  // namespace fielddeform::gffd::detail

@@ -3,6 +3,8 @@
 #error "included by core/detail/each_level.h alone"
 #endif
 
+#include <fielddeform/gffd/detail/lane_math_level.h>
+
 struct Foot {
   Pack x, y, z, square, along, element;
 };
@@ -62,21 +64,12 @@ LANES_INLINE void tryAll(const WalkTask& task, const Pack& x, const Pack& y, con
   }
 }
 
-// Numbers from `at` on; the last one again beyond the count.
-LANES_INLINE void loadSome(const double* numbers, std::size_t at, std::size_t count, Pack& out) {
-  constexpr std::size_t lanes = sizeof(Pack) / 8;
-  if (at + lanes <= count) return load(numbers + at, out);
-  double some[lanes];
-  for (std::size_t l = 0; l < lanes; ++l) some[l] = numbers[at + l < count ? at + l : count - 1];
-  load(some, out);
-}
-
 LANES_TARGET void walkAll(const WalkTask& task) {
   for (std::size_t p = 0; p < task.count; p += sizeof(Pack) / 8) {
     Pack x, y, z;
-    loadSome(task.points.x, p, task.count, x);
-    loadSome(task.points.y, p, task.count, y);
-    loadSome(task.points.z, p, task.count, z);
+    loadLanes(task.points.x, p, task.count, x);
+    loadLanes(task.points.y, p, task.count, y);
+    loadLanes(task.points.z, p, task.count, z);
     Foot best;
     if (task.stops) walk(task, jump(task, task.points.x[p], task.points.y[p], task.points.z[p]), x, y, z, best);
     else tryAll(task, x, y, z, best);

@@ -4,14 +4,9 @@
 
 #include <algorithm>
 #include <limits>
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
 
 namespace fielddeform::spatial::detail {
 namespace {
-
-using fielddeform::detail::SimdLevel, fielddeform::detail::simdLevel;
 
 struct WithinTask {
   std::span<const LinearBound> bounds;
@@ -39,6 +34,10 @@ struct TryTask {
 
 #define FIELDDEFORM_LEVEL_SOURCE <fielddeform/spatial/detail/triangle_lanes_level.h>
 #include <fielddeform/core/detail/each_level.h>
+
+FIELDDEFORM_BY_LEVEL(runWithin, const WithinTask, within)
+FIELDDEFORM_BY_LEVEL(runInBoxes, const BoxTask, inBoxes)
+FIELDDEFORM_BY_LEVEL(runTryAll, const TryTask, tryAll)
 
 void store(const Vec3& from, double* to) {
   for (int k = 0; k < 3; ++k) to[k] = from[k];
@@ -83,32 +82,15 @@ GroupHits::GroupHits() noexcept {
 }
 
 std::size_t boundsWithin(std::span<const LinearBound> bounds, const LaneQueries& queries, std::size_t at, const GroupHits& hits, std::uint16_t* which) {
-  const WithinTask task{bounds, queries, at, hits, which};
-  switch (simdLevel()) {
-    case SimdLevel::Avx512: return avx512::within(task);
-    case SimdLevel::Avx2: return avx2::within(task);
-    case SimdLevel::Baseline: break;
-  }
-  return baseline::within(task);
+  return runWithin({bounds, queries, at, hits, which});
 }
 
 std::size_t boxesWithin(const LeafBox* leaves, std::span<std::uint16_t> which, const LaneQueries& queries, std::size_t at, const GroupHits& hits) {
-  const BoxTask task{leaves, which, queries, at, hits};
-  switch (simdLevel()) {
-    case SimdLevel::Avx512: return avx512::inBoxes(task);
-    case SimdLevel::Avx2: return avx2::inBoxes(task);
-    case SimdLevel::Baseline: break;
-  }
-  return baseline::inBoxes(task);
+  return runInBoxes({leaves, which, queries, at, hits});
 }
 
 void tryTriangles(const TriangleTest* tests, std::span<const std::uint16_t> which, const LaneQueries& queries, std::size_t at, GroupHits& hits) {
-  const TryTask task{tests, which, queries, at, hits};
-  switch (simdLevel()) {
-    case SimdLevel::Avx512: return avx512::tryAll(task);
-    case SimdLevel::Avx2: return avx2::tryAll(task);
-    case SimdLevel::Baseline: return baseline::tryAll(task);
-  }
+  runTryAll({tests, which, queries, at, hits});
 }
 
 }  // namespace fielddeform::spatial::detail
